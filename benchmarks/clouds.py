@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 
 from pointkit.geometry.cloud import Floats
@@ -9,6 +11,7 @@ from pointkit.lidar.sensors import load_sensor
 from pointkit.seeding import generator
 from puckbench.geometry.sampling import sample_surface
 from puckbench.geometry.scaling import cube_scaling
+from puckbench.recordings.writing import write_pcap
 from virtual_lidar import free_origin, open_error_model, open_sweep, scan
 from virtual_lidar.scenes.objects import make_object
 from virtual_lidar.scenes.rooms import make_room
@@ -34,3 +37,13 @@ def grown(points: Floats, bits: int) -> Floats:
     """The same cloud scaled and rounded to a grid of 2^bits cells a side."""
     cells: Floats = np.rint(points * (2**bits - 1) / 1023)
     return cells
+
+
+def write_recording(file: Path, turns: int) -> Path:
+    """A capture of some turns of a virtual VLP-16 at rest in a room, 10 a second."""
+    mesh = make_room("office_1", seed=1)
+    hertz = {"rotation_hz": 10.0, "frames_per_second": 10.0, "duration_s": turns / 10}
+    sweep = open_sweep({"preset": "spin", "azimuth_step_deg": 0.2, **hertz})
+    model, random = open_error_model("vlp16", None), generator(1, "benchmark of recordings")
+    write_pcap(file, scan(mesh, load_sensor("vlp16"), sweep, model, free_origin(mesh), random))
+    return file

@@ -16,10 +16,12 @@ import re
 import subprocess
 import tempfile
 import time
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from benchmarks.performance.rows import Inputs, Row
 
 from pointkit.geometry.cloud import Floats, PointCloud
 from pointkit.seeding import generator
@@ -99,25 +101,37 @@ def run_ours(reference: PointCloud, decoded: Floats) -> dict[str, float]:
     return {**values, "seconds": time.perf_counter() - start}
 
 
-def compare(options: argparse.Namespace) -> dict[str, Any]:
+def measure(inputs: Inputs) -> Iterator[Row]:
+    tool, repeats = Path(inputs.program("PC_ERROR")), inputs.repeats(3)
+    os.environ["OMP_NUM_THREADS"] = "1"
+    points = 5000 if inputs.is_trial else 1_152_000
+    for pair in ("noisy", "ties"):
+        found = compare(tool, pair, points, 1, repeats)
+        what, rival = f"{pair}, {points:,} points", ("pc_error", found["tool_s"])
+        yield Row(f"{what}: all distortions", found["ours_s"], "s", *rival, 1, repeats=repeats)
+        yield Row(f"{what}: largest relative difference", found["difference"], "of a value")
+
+
+def compare(tool: Path, pair: str, points: int, threads: int, repeats: int) -> dict[str, Any]:
     """Run both in turns; least times, their ratio and the largest relative difference."""
-    reference, decoded = make_pair(options.pair, options.points)
+    reference, decoded = make_pair(pair, points)
     run_ours(reference.select(np.arange(1000)), decoded[:1000])
-    tool, ours = [], []
     with tempfile.TemporaryDirectory() as folder:
         write_ply(Path(folder) / "a.ply", reference)
         write_ply(Path(folder) / "b.ply", PointCloud(decoded))
-        for _ in range(options.repeats):
-            tool.append(run_tool(options.tool, Path(folder), options.threads))
-            ours.append(run_ours(reference, decoded))
-    seconds = [min(run["seconds"] for run in runs) for runs in (tool, ours)]
+        runs = [
+            (run_tool(tool, Path(folder), threads), run_ours(reference, decoded))
+            for _ in range(repeats)
+        ]
+    theirs, ours = zip(*runs, strict=True)
+    tool_s, ours_s = (min(run["seconds"] for run in side) for side in (theirs, ours))
     return {
         "points": (len(reference), len(decoded)),
-        "threads": options.threads,
-        "tool_s": seconds[0],
-        "ours_s": round(seconds[1], 3),
-        "ratio": round(seconds[1] / seconds[0], 3),
-        "difference": max(abs(ours[0][key] / tool[0][key] - 1) for key in LINES),
+        "threads": threads,
+        "tool_s": tool_s,
+        "ours_s": round(ours_s, 3),
+        "ratio": round(ours_s / tool_s, 3),
+        "difference": max(abs(ours[0][key] / theirs[0][key] - 1) for key in LINES),
     }
 
 
@@ -130,7 +144,7 @@ def main() -> None:
     parser.add_argument("--pair", choices=("noisy", "ties"), default="noisy")
     options = parser.parse_args()
     os.environ["OMP_NUM_THREADS"] = str(options.threads)
-    for name, value in compare(options).items():
+    for name, value in compare(**vars(options)).items():
         print(f"{name}: {value}")
 
 

@@ -17,15 +17,16 @@ from __future__ import annotations
 import argparse
 import lzma
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
-from typing import TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
 import yaml
 from benchmarks.clouds import sampled_object, scanned_room
+from benchmarks.performance.rows import Inputs, Row
 from benchmarks.turns import virtual_returns
 
 import puckbench
@@ -40,6 +41,24 @@ from puckbench.codecs.registry import open_codec
 from puckbench.metrics.geometry import distortion
 
 T = TypeVar("T")
+MEASURED = {
+    "room": {
+        "draco": "r7",
+        "gpcc": "r8",  # the same grid
+        "primitives": "r4",
+        "pcgcv2_plus_rooms": "r7",
+        "sparse_octree_net": "r8",
+    },
+    "object": {"pcgcv2_plus": "r7", "pcgcv1_plus": "r6"},
+}
+"""Rates that `measure` codes, by cloud and codec."""
+MOST_S = {
+    ("pcgcv2_plus_rooms", "encode"): 2,
+    ("pcgcv2_plus_rooms", "decode"): 5,
+    ("sparse_octree_net", "encode"): 2,
+    ("sparse_octree_net", "decode"): 2,
+}
+"""Aims."""
 RECORDINGS = (".bag", ".db3", ".mcap", ".pcap", ".pcapng", ".puck")
 
 
@@ -61,6 +80,17 @@ class Case:
         if not self.error:
             self.error = float(np.sqrt(distortion(PointCloud(cloud.xyz), result.xyz)["d1_mse"]))
 
+    def values(self, points: int) -> dict[str, tuple[float, str]]:
+        """Values and units, by what they are of."""
+        encode_s, decode_s = self.seconds[:, 0].tolist()
+        bits = 8 * len(self.stream) / points
+        return {
+            "encode": (encode_s, "s"),
+            "decode": (decode_s, "s"),
+            "memory": (self.peak_mib, "MiB"),
+            "size": (bits, "bits per point"),
+        }
+
     def _timed(self, call: Callable[[], T]) -> tuple[T, float, float]:
         before = time.process_time()
         result = measured(call, whole=partial(cost_of, self.codec))
@@ -81,6 +111,29 @@ def opened_cloud(name: str, points: int) -> PointCloud:
     return read_cloud(Path(name))
 
 
+def measure(inputs: Inputs) -> Iterator[Row]:
+    points, repeats = 20_000 if inputs.is_trial else 1_152_000, inputs.repeats(3)
+    for name, rates in MEASURED.items():
+        cloud = opened_cloud(name, points)
+        cases = {codec: Case(loaded(codec), rate) for codec, rate in rates.items()}
+        for _ in range(repeats):
+            for case in cases.values():
+                case.run(cloud)
+        for codec, case in cases.items():
+            draco = cases["draco"].values(len(cloud)) if codec == "gpcc" else {}
+            for what, (value, unit) in case.values(len(cloud)).items():
+                rival = ("Draco", draco[what][0]) if draco else ("", None)
+                most = MOST_S.get((codec, what))
+                where = f"{name}, {len(cloud):,} points, {codec} {case.rate}: {what}"
+                yield Row(where, value, unit, rival[0], rival[1], most, repeats=repeats)
+
+
+def loaded(name: str, entry: Any = None) -> Codec:
+    codec = open_codec(name, entry)
+    codec.load()
+    return codec
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("cloud")
@@ -94,8 +147,7 @@ def main() -> None:
     frame = "metric" if cloud.returns is not None else cloud.frame
     cases = []
     for name in options.codecs:
-        codec = open_codec(name, options.entry.get(name))
-        codec.load()
+        codec = loaded(name, options.entry.get(name))
         cases += [Case(codec, rate) for rate in options.rates or rates_of(codec, frame)]
     for _ in range(options.repeats):
         for case in cases:

@@ -25,6 +25,7 @@ import numpy as np
 from benchmarks.checks import gpcc_angular_crosscheck as angular
 from benchmarks.checks import gpcc_predictive_crosscheck as predictive
 from benchmarks.clouds import scanned_room
+from benchmarks.performance.rows import Inputs, Row
 from benchmarks.tmc3 import Reference
 from benchmarks.turns import virtual_turn
 from tests.gpcc.attribute_vectors import reflectances
@@ -127,6 +128,8 @@ def attribute_cases(step_deg: float) -> Iterator[Case]:
 MAKERS = (octree_cases, angular_cases, predictive_cases, attribute_cases)
 CASES = dict(zip(MODES, MAKERS, strict=True))
 CLOCKS = ("user", "wall")
+TIMES = [(name, unit) for name in ("encode", "decode") for unit in ("processor s", "s")]
+RIVAL = "TMC13"
 
 
 def seconds(call: Callable[[], object]) -> list[float]:
@@ -135,7 +138,17 @@ def seconds(call: Callable[[], object]) -> list[float]:
     return [time.process_time() - cpu, time.perf_counter() - wall]
 
 
-def row(reference: Reference, case: Case, repeats: int) -> str:
+def measure(inputs: Inputs) -> Iterator[Row]:
+    step_deg, modes = (8.0, MODES[1:2]) if inputs.is_trial else (0.1, MODES)
+    with tempfile.TemporaryDirectory() as folder:
+        reference = Reference(inputs.program("TMC3"), Path(folder))
+        for mode in modes:
+            for case in CASES[mode](step_deg):
+                yield from rows(reference, case, inputs.repeats(3))
+
+
+def rows(reference: Reference, case: Case, repeats: int) -> Iterator[Row]:
+    """Bytes, which may be 0.5 % more than TMC3's, and times; on the wall where threads share."""
     ours = case.encode()
     case.decode(ours)
     least = np.full((4, 2), np.inf)  # encode and decode, processor and wall time; TMC3 and ours
@@ -146,9 +159,12 @@ def row(reference: Reference, case: Case, repeats: int) -> str:
         times += [reference.printed_seconds(clock) for clock in CLOCKS]
         own = seconds(case.encode) + seconds(lambda: case.decode(ours))
         least = np.minimum(least, np.column_stack([times, own]))
-    cells = [f"{a:.3f} / {b:.3f} ({b / max(a, LEAST_S):.2f})" for a, b in least.tolist()]
-    sizes = f"{len(theirs):,} / {len(ours):,}"
-    return f"| {case.name} | {len(case.points):,} | {sizes} | {' | '.join(cells)} |"
+    what = f"{case.name}, {len(case.points):,} points"
+    yield Row(f"{what}: size", len(ours), "bytes", RIVAL, len(theirs), at_most=1.005)
+    for (name, unit), (rival, own) in zip(TIMES, least.tolist(), strict=True):
+        if unit == "processor s" or case.reflectances is not None:
+            pair = (own, unit, RIVAL, max(rival, LEAST_S))
+            yield Row(f"{what}: {name}", *pair, at_most=1, repeats=repeats)
 
 
 def main() -> None:
@@ -158,14 +174,12 @@ def main() -> None:
     parser.add_argument("--step", type=float, default=0.1, help="azimuth step, degrees")
     parser.add_argument("--modes", nargs="+", choices=MODES, default=MODES)
     options = parser.parse_args()
-    print("TMC13 / ours (ratio)\n")
-    print("| mode | points | bytes | encode, CPU s | wall s | decode, CPU s | wall s |")
-    print("|---|---|---|---|---|---|---|")
     with tempfile.TemporaryDirectory() as folder:
         reference = Reference(options.tmc3, Path(folder))
         for mode in options.modes:
             for case in CASES[mode](options.step):
-                print(row(reference, case, options.repeats), flush=True)
+                for row in rows(reference, case, options.repeats):
+                    print(row, flush=True)
 
 
 if __name__ == "__main__":

@@ -14,10 +14,13 @@ from __future__ import annotations
 import argparse
 import lzma
 import time
+from collections.abc import Iterator
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
 import numpy as np
+from benchmarks.clouds import write_recording
+from benchmarks.performance.rows import Inputs, Row
 
 from pointkit.lidar.turns import Layout, Turn
 from puck import CodingOptions, compress, decode_turns, decompress, encode_turns
@@ -39,7 +42,9 @@ def strongest(path: Path) -> tuple[Layout, list[Turn], float]:
     return layout, bare, whole
 
 
-def lossless(name: str, layout: Layout, turns: list[Turn], seconds: float, repeats: int) -> None:
+def lossless(
+    name: str, layout: Layout, turns: list[Turn], seconds: float, repeats: int
+) -> Iterator[Row]:
     returns = sum(turn.returns for turn in turns)
     longest = max(len(turn.azimuths) for turn in turns)
     whole = [turn for turn in turns if len(turn.azimuths) > 0.9 * longest]
@@ -54,15 +59,15 @@ def lossless(name: str, layout: Layout, turns: list[Turn], seconds: float, repea
             best = [min(best[0], middle - start), min(best[1], end - middle)]
         assert all(np.array_equal(a.ranges, b.ranges) for a, b in zip(turns, found, strict=True))
         alone = [8 * len(encode_turns([turn], layout, options)) / turn.returns for turn in whole]
-        print(
-            f"{name:32} {effort:9} {8 * len(stream) / returns:.3f} bits, alone {np.mean(alone):.3f}"
-            f" ({min(alone):.3f} to {max(alone):.3f}); {returns / best[0] / 1e3:.0f} and"
-            f" {returns / best[1] / 1e3:.0f} thousand returns/s, {seconds / best[0]:.1f} and"
-            f" {seconds / best[1]:.1f} times real time"
-        )
+        what = f"{name}, {effort}"
+        yield Row(f"{what}: turns", 8 * len(stream) / returns, "bits per return")
+        yield Row(f"{what}: key turns alone", float(np.mean(alone)), "bits per return")
+        for action, least in zip(("encode", "decode"), best, strict=True):
+            speed = seconds / least
+            yield Row(f"{what}: {action} turns", speed, "x real time", at_least=1, repeats=repeats)
 
 
-def files(path: Path) -> None:
+def files(path: Path) -> Iterator[Row]:
     xz = len(lzma.compress(path.read_bytes(), preset=9 | lzma.PRESET_EXTREME))
     with TemporaryDirectory() as folder:
         small, back = Path(folder, "small"), Path(folder, "back")
@@ -73,10 +78,20 @@ def files(path: Path) -> None:
             decompress(small, back)
             seconds = middle - start, time.process_time() - middle
             assert back.read_bytes() == path.read_bytes()
-            print(
-                f"{path.name:32} {effort:9} {account.compressed} of {account.bytes} bytes,"
-                f" {account.compressed / xz:.3f} of xz -9e; {seconds[0]:.2f} and {seconds[1]:.2f} s"
-            )
+            what = f"{path.name}, {effort}"
+            yield Row(f"{what}: file", account.compressed, "bytes", "xz -9e", xz, at_most=1)
+            for action, taken in zip(("compress", "decompress"), seconds, strict=True):
+                yield Row(f"{what}: {action}", taken, "processor s")
+
+
+def measure(inputs: Inputs) -> Iterator[Row]:
+    """Turns of a virtual VLP-16, and recordings, whose files are also compressed whole."""
+    with TemporaryDirectory() as folder:
+        made = write_recording(Path(folder, "virtual VLP-16"), 1 if inputs.is_trial else 10)
+        for path in (made, *inputs.recordings):
+            yield from lossless(path.name, *strongest(path), inputs.repeats(3))
+    for path in inputs.recordings:
+        yield from files(path)
 
 
 def main() -> None:
@@ -85,9 +100,8 @@ def main() -> None:
     parser.add_argument("--repeats", type=int, default=3)
     options = parser.parse_args()
     for path in options.recordings:
-        layout, turns, seconds = strongest(path)
-        lossless(path.name, layout, turns, seconds, options.repeats)
-        files(path)
+        for row in (*lossless(path.name, *strongest(path), options.repeats), *files(path)):
+            print(row, flush=True)
 
 
 if __name__ == "__main__":

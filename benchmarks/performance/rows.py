@@ -10,7 +10,9 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from pointkit.errors import InputError
+
+class MissingProgramError(Exception):
+    """A rival that a script needs was not given; the text says how to give it."""
 
 
 @dataclass(frozen=True)
@@ -36,11 +38,11 @@ class Inputs:
 
         Raises
         ------
-        InputError
-            It was not given. `make measure` then leaves out the script's subject, with this line.
+        MissingProgramError
+            It was not given. `make measure` then leaves the script's subject as it was.
         """
         if not self.programs.get(name):
-            raise InputError(f"needs {name}=/path/to/{name.lower()}")
+            raise MissingProgramError(f"needs {name}=/path/to/{name.lower()}")
         return self.programs[name]
 
     def repeats(self, number: int) -> int:

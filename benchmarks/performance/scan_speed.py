@@ -12,11 +12,12 @@ from __future__ import annotations
 
 import argparse
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from functools import partial
 from typing import Any
 
 import numpy as np
+from benchmarks.performance.rows import Inputs, Row
 
 from pointkit.geometry.cloud import Floats
 from pointkit.geometry.mesh import Mesh
@@ -32,6 +33,7 @@ from virtual_lidar import (
 )
 from virtual_lidar.scenes.rooms import make_room
 
+RIVAL = "bare ray cast of Open3D"
 SENSOR = load_sensor("vlp16")
 OPTIONS: dict[str, dict[str, Any]] = {
     "distance_table": {"table": [[1, 0, 0.01], [100, 0, 0.03]]},
@@ -80,20 +82,28 @@ def main() -> None:
     parser.add_argument("--repeats", type=int, default=7)
     parser.add_argument("--step", type=float, default=0.1, help="azimuth step, degrees")
     options = parser.parse_args()
-    mesh = make_room(options.room, seed=1)
-    sweep, origin = open_sweep({"azimuth_step_deg": options.step}), free_origin(mesh)
+    for row in scans(options.room, options.errors, options.repeats, options.step):
+        print(row, flush=True)
+
+
+def measure(inputs: Inputs) -> Iterator[Row]:
+    step = 8.0 if inputs.is_trial else 0.1
+    return scans("office_1", ["none", "vlp16", "vlp16_divergence"], inputs.repeats(5), step)
+
+
+def scans(room: str, errors: list[str], repeats: int, step_deg: float) -> Iterator[Row]:
+    mesh = make_room(room, seed=1)
+    sweep, origin = open_sweep({"azimuth_step_deg": step_deg}), free_origin(mesh)
     bare = bare_cast(mesh, sweep, origin)
 
-    def scanned(errors: str) -> ScanTable:
-        model = open_error_model(errors, OPTIONS.get(errors))
+    def scanned(name: str) -> ScanTable:
+        model = open_error_model(name, OPTIONS.get(name))
         return scan(mesh, SENSOR, sweep, model, origin, np.random.default_rng(0))
 
-    for errors in options.errors:
-        cast, taken = least_times([bare, partial(scanned, errors)], options.repeats)
-        print(
-            f"scan, {errors:17s} {taken[0]:.3f} s, bare cast {cast[0]:.3f} s:"
-            f" {taken[0] / cast[0]:.1f} casts; processors {taken[1]:.2f} and {cast[1]:.2f} s"
-        )
+    for name in errors:
+        cast, taken = least_times([bare, partial(scanned, name)], repeats).tolist()
+        for unit, least, rival in zip(("s", "processor s"), taken, cast, strict=True):
+            yield Row(f"scan of {room}, {name}", least, unit, RIVAL, rival, repeats=repeats)
 
 
 if __name__ == "__main__":
