@@ -5,6 +5,8 @@
 # make fuzz   damaged streams and files for decoders and readers, for SECONDS=300 in all; fails on a crash, hang or blow-up
 # make mutants  small changes of the code, which tests have to notice (MODULES=puckbench/metrics/density)
 # make docs   build the documentation into site/, with the reference results (also: make site)
+# make measure  time and memory of everything in benchmarks/performance, beside rivals, and the page of it: an hour;
+#             SUBJECTS="puck scans" TMC3=/path/to/tmc3 PC_ERROR=/path/to/pc_error RECORDINGS="a.pcap b.db3"
 # make pages  the documentation's pictures and numbers, from the reference results and the default run's clouds
 # make reference STUDY=default   run a study, if need be, and keep its results as reference results;
 #             with MORE=config/sweeps_reno.yaml laid over it, under that file's name
@@ -22,7 +24,7 @@ IN_VENV := PATH="$(BIN):$$PATH"
 # Hundreds of processes import the same modules.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: run test lint alone fuzz mutants setup setup-test learned slurm docs site pages reference data lock dist clean
+.PHONY: run test lint alone fuzz mutants measure setup setup-test learned slurm docs site pages reference data lock dist clean
 .NOTPARALLEL:
 
 run: learned
@@ -61,6 +63,11 @@ fuzz: setup-test
 
 mutants: setup-test
 	$(IN_VENV) python -m benchmarks.checks.mutants $(MODULES)
+
+measure: learned
+	$(IN_VENV) python -m benchmarks.performance.measure $(SUBJECTS) $(TMC3:%=--tmc3 %) $(PC_ERROR:%=--pc-error %) \
+		$(if $(RECORDINGS),--recordings $(RECORDINGS)); status=$$?; \
+	$(BIN)/python docs/extensions/shipped_numbers.py && exit $$status
 
 docs: setup-test
 	$(IN_VENV) sphinx-build -W --keep-going -q docs site

@@ -52,6 +52,7 @@ MEASURED = {
     "object": {"pcgcv2_plus": "r7", "pcgcv1_plus": "r6"},
 }
 """Rates that `measure` codes, by cloud and codec."""
+POINTS = {"room": 1_152_000, "object": 500_000}
 MOST_S = {
     ("pcgcv2_plus_rooms", "encode"): 2,
     ("pcgcv2_plus_rooms", "decode"): 5,
@@ -59,6 +60,7 @@ MOST_S = {
     ("sparse_octree_net", "decode"): 2,
 }
 """Aims."""
+SCALED = {"size": 1024}
 RECORDINGS = (".bag", ".db3", ".mcap", ".pcap", ".pcapng", ".puck")
 
 
@@ -100,9 +102,9 @@ class Case:
 
 def opened_cloud(name: str, points: int) -> PointCloud:
     if name == "room":
-        return PointCloud(scanned_room("vlp16_divergence", 0.1 * 1_152_000 / points))
+        return PointCloud(scanned_room("vlp16_divergence", 0.1 * 1_152_000 / points), about=SCALED)
     if name == "object":
-        return PointCloud(sampled_object(points))
+        return PointCloud(sampled_object(points), about=SCALED)
     if name == "turn":
         returns = virtual_returns("vlp16", max(1, round(points / 28_800)))
         return PointCloud(returns.points(), returns=returns)
@@ -112,9 +114,9 @@ def opened_cloud(name: str, points: int) -> PointCloud:
 
 
 def measure(inputs: Inputs) -> Iterator[Row]:
-    points, repeats = 20_000 if inputs.is_trial else 1_152_000, inputs.repeats(3)
+    repeats = inputs.repeats(3)
     for name, rates in MEASURED.items():
-        cloud = opened_cloud(name, points)
+        cloud = opened_cloud(name, 20_000 if inputs.is_trial else POINTS[name])
         cases = {codec: Case(loaded(codec), rate) for codec, rate in rates.items()}
         for _ in range(repeats):
             for case in cases.values():

@@ -1,4 +1,4 @@
-"""Seconds and memory of short commands, as whole processes: mostly their start.
+"""Seconds of short commands, as whole processes: mostly their start.
 
     python -m benchmarks.performance.start [--repeats 5]
 
@@ -23,29 +23,17 @@ from benchmarks.clouds import write_recording
 from benchmarks.performance.rows import Inputs, Row
 
 XZ = "xz -9e"
-UNITS = {"time": "processor s", "time on the wall": "s", "memory": "MiB"}
-_PACK = "import lzma, pathlib; data = pathlib.Path('r.pcap').read_bytes()"
-_PUCKBENCH = ("-m", "puckbench")
+_READ = "import lzma, pathlib; data = pathlib.Path('r.pcap').read_bytes()"
 COMMANDS = {
-    XZ: ("-c", f"{_PACK}; lzma.compress(data, preset=9 | lzma.PRESET_EXTREME)"),
-    "puckbench --help": (*_PUCKBENCH, "--help"),
-    "puckbench codecs": (*_PUCKBENCH, "codecs"),
-    "puckbench compress": (*_PUCKBENCH, "compress", "r.pcap", "r.puck"),
-    "puckbench decompress": (*_PUCKBENCH, "decompress", "r.puck", "back.pcap"),
-    "puckbench export": (*_PUCKBENCH, "export", "r.pcap", "r.ply"),
-    "puckbench encode": (
-        *_PUCKBENCH,
-        "encode",
-        "r.ply",
-        "r.bin",
-        "--codec",
-        "draco",
-        "--rate",
-        "r4",
-    ),
-    "puckbench decode": (*_PUCKBENCH, "decode", "r.bin", "back.ply"),
+    "--help": "--help",
+    "codecs": "codecs",
+    "compress": "compress r.pcap r.puck",
+    "decompress": "decompress r.puck back.pcap",
+    "export": "export r.pcap r.ply",
+    "encode": "encode r.ply r.bin --codec draco --rate r4",
+    "decode": "decode r.bin back.ply",
 }
-"""Words after Python's, by name; a command may need the files of those before it."""
+"""Words after `puckbench`; a command may need the files of those before it."""
 
 
 def main() -> None:
@@ -60,30 +48,30 @@ def measure(inputs: Inputs) -> Iterator[Row]:
 
 
 def starts(repeats: int) -> Iterator[Row]:
+    words = {name: ["-m", "puckbench", *text.split()] for name, text in COMMANDS.items()}
+    words[XZ] = ["-c", f"{_READ}; lzma.compress(data, preset=9 | lzma.PRESET_EXTREME)"]
     with TemporaryDirectory() as name:
         folder = Path(name)
         write_recording(folder / "r.pcap", 3)
-        runs = [[process(words, folder) for words in COMMANDS.values()] for _ in range(repeats + 1)]
-    least = np.min(runs[1:], axis=0).tolist()
-    costs = dict(zip(COMMANDS, least, strict=True))
-    for name, values in costs.items():
-        if name != XZ:
-            rivals = costs[XZ] if name == "puckbench compress" else [None] * len(UNITS)
-            for (what, unit), value, rival in zip(UNITS.items(), values, rivals, strict=True):
-                program = "" if rival is None else XZ
-                yield Row(f"{name}: {what}", value, unit, program, rival, repeats=repeats)
+        runs = [[seconds(each, folder) for each in words.values()] for _ in range(repeats + 1)]
+    least = dict(zip(words, np.min(runs[1:], axis=0).tolist(), strict=True))
+    for name in COMMANDS:
+        rivals = least[XZ] if name == "compress" else [None, None]
+        for unit, value, rival in zip(("processor s", "s"), least[name], rivals, strict=True):
+            program = "" if rival is None else XZ
+            yield Row(f"puckbench {name}", value, unit, program, rival, repeats=repeats)
 
 
-def process(words: tuple[str, ...], folder: Path) -> list[float]:
-    """Values of a run of Python, in `UNITS`."""
+def seconds(words: list[str], folder: Path) -> list[float]:
+    """Seconds of the processor and on the wall of a process of Python."""
     start = time.perf_counter()
     child = subprocess.Popen([sys.executable, *words], cwd=folder, stdout=subprocess.DEVNULL)
     _, status, used = os.wait4(child.pid, 0)
     wall_s = time.perf_counter() - start
     child.returncode = status
     if status:
-        raise SystemExit(f"{words}: status {status}")
-    return [used.ru_utime + used.ru_stime, wall_s, used.ru_maxrss / 1024]
+        raise SystemExit(f"{' '.join(words)}: status {status}")
+    return [used.ru_utime + used.ru_stime, wall_s]
 
 
 if __name__ == "__main__":

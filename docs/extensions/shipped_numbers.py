@@ -1,4 +1,4 @@
-"""Numbers of the pages, from the shipped reference results.
+"""Numbers of the pages, from the shipped reference results and from what `make measure` measured.
 
 ``<!-- shown: NAME -->...<!-- end -->`` in a page holds what the function of that name below
 returns, in Markdown. ``python docs/extensions/shipped_numbers.py`` (`make pages`) writes them
@@ -7,6 +7,7 @@ again; a test fails if a page is older than the results.
 
 from __future__ import annotations
 
+import json
 import re
 import sys
 from collections.abc import Callable, Iterator, Sequence
@@ -39,6 +40,7 @@ def shown(function: Callable[[], str]) -> Callable[[], str]:
 
 def pages() -> Iterator[Path]:
     yield ROOT / "README.md"
+    yield from sorted((ROOT / "src").glob("*/README.md"))
     yield from sorted((ROOT / "docs").rglob("*.md"))
 
 
@@ -450,6 +452,100 @@ def arena_bits() -> str:
     )
     change = 100 * (both["bpp_x"] / both["bpp_y"] - 1)
     return f"{change.min():.0f} to {change.max():.0f} %"
+
+
+# ---- performance, from the file that `make measure` writes
+
+PERFORMANCE = ROOT / "docs" / "notes" / "performance.json"
+
+
+@cache
+def measured() -> dict[str, dict[str, Any]]:
+    """Return the subjects of the last measurements, by name."""
+    subjects: dict[str, dict[str, Any]] = json.loads(PERFORMANCE.read_text(encoding="utf-8"))
+    return subjects
+
+
+def measured_rows(subject: str, *parts: str, unit: str = "") -> list[dict[str, Any]]:
+    """Return the rows that name all parts; raise LookupError if there are none."""
+    rows = measured().get(subject, {"rows": []})["rows"]
+    found = [
+        row
+        for row in rows
+        if all(part in row["what"] for part in parts) and row["unit"] == (unit or row["unit"])
+    ]
+    if not found:
+        raise LookupError(f"{PERFORMANCE}: no row of {subject} has {parts} {unit}")
+    return found
+
+
+def figure(value: float) -> str:
+    return f"{value:,.0f}" if value >= 1000 or value == int(value) else f"{value:.3g}"
+
+
+def spread(values: Sequence[float]) -> str:
+    """Return the least and the greatest value, as text; of equal texts one."""
+    return " to ".join(dict.fromkeys(map(figure, (min(values), max(values)))))
+
+
+def _aim(row: dict[str, Any]) -> str:
+    if "is_met" not in row:
+        return ""
+    sign, aim = ("≤", row["at_most"]) if "at_most" in row else ("≥", row["at_least"])
+    return f"{sign} {figure(aim)}: {'met' if row['is_met'] else '**missed**'}"
+
+
+def _conclusion(rows: Sequence[dict[str, Any]]) -> str:
+    """Return the ratios to each rival and the aims of a subject, as sentences."""
+    ratios: dict[tuple[str, str], list[float]] = {}
+    for row in rows:
+        if "ratio" in row:
+            ratios.setdefault((row["unit"], row["rival"]), []).append(row["ratio"])
+    texts = [
+        f"{unit}: {spread(values)} of those of {rival}, median {figure(float(np.median(values)))}."
+        for (unit, rival), values in ratios.items()
+    ]
+    if aims := [row for row in rows if "is_met" in row]:
+        missed = [f"{row['what']} ({row['unit']})" for row in aims if not row["is_met"]]
+        text = f"Aims met: {len(aims) - len(missed)} of {len(aims)}"
+        texts.append(f"{text}; missed: {'; '.join(missed)}." if missed else f"{text}.")
+    return " ".join(texts)
+
+
+@shown
+def performance_conclusion() -> str:
+    """How many aims each subject meets."""
+    texts, counts = [], np.zeros(2, int)
+    for subject in measured().values():
+        aims = [row["is_met"] for row in subject["rows"] if "is_met" in row]
+        if aims:
+            texts.append(f"{subject['title']} {sum(aims)} of {len(aims)}")
+            counts += sum(aims), len(aims)
+    return f"{counts[0]} of {counts[1]} aims are met ({'; '.join(texts)})"
+
+
+@shown
+def performance_tables() -> str:
+    """A section for each subject: where and when it was measured, its conclusion, its rows."""
+    texts = []
+    for name, subject in measured().items():
+        place = f"{subject['processor']}, {subject['cores']} cores"
+        when = f"{subject['date']}, commit `{subject['commit']}`, {subject['minutes']:g} min"
+        rows = [
+            [
+                row["what"],
+                f"{figure(row['value'])} {row['unit']}",
+                f"{row['rival']}: {figure(row['rival_value'])}" if "rival" in row else "",
+                f"{row['ratio']:.3g}" if "ratio" in row else "",
+                _aim(row),
+                str(row["repeats"]),
+            ]
+            for row in subject["rows"]
+        ]
+        table = lines(["what", "value", "rival", "ratio", "aim", "runs"], rows)
+        head = f"## {subject['title']}\n\n`make measure SUBJECTS={name}`: {place}, {when}."
+        texts.append(f"{head} {_conclusion(subject['rows'])}".rstrip() + f"\n{table}")
+    return "\n" + "\n".join(texts)
 
 
 if __name__ == "__main__":
