@@ -19,9 +19,9 @@ import time
 from collections.abc import Iterator
 from concurrent.futures import ProcessPoolExecutor
 from datetime import UTC, datetime
-from importlib import import_module
 from multiprocessing import get_context
 from pathlib import Path
+from pkgutil import resolve_name
 from typing import Any
 
 from benchmarks.performance.rows import Inputs, MissingProgramError, Row
@@ -34,16 +34,17 @@ ROOT = Path(__file__).parents[2]
 RESULTS = ROOT / "docs" / "notes" / "performance.json"
 MEASURED = ("src", "benchmarks", "workflow", "config")
 SUBJECTS = {
-    "run": ("The default run", "performance.default_run"),
-    "planning": ("Planning the thesis at full size", "performance.planning"),
-    "start": ("Start of commands", "performance.start"),
-    "scans": ("Virtual scans", "performance.scan_speed"),
-    "puck": ("Turns and recordings", "performance.puck"),
-    "gpcc": ("G-PCC", "performance.gpcc"),
-    "codecs": ("Codecs of rooms and objects", "performance.codecs"),
-    "metrics": ("Metrics", "checks.metrics_vs_pc_error"),
+    "run": ("The default run", "performance.default_run:measure"),
+    "planning": ("Planning the thesis at full size", "performance.planning:measure"),
+    "start": ("Start of commands", "performance.start:measure"),
+    "scans": ("Virtual scans", "performance.scan_speed:measure"),
+    "puck": ("Turns and recordings", "performance.puck:measure"),
+    "gpcc": ("G-PCC", "performance.gpcc:measure"),
+    "attributes": ("G-PCC with reflectances", "performance.gpcc:measure_attributes"),
+    "codecs": ("Codecs of rooms and objects", "performance.codecs:measure"),
+    "metrics": ("Metrics", "checks.metrics_vs_pc_error:measure"),
 }
-"""Title and script of each subject, by name."""
+"""Title of each subject and the function that yields its rows, by name."""
 
 
 def main() -> None:
@@ -97,9 +98,9 @@ def commit() -> str:
 
 def measured(name: str, inputs: Inputs) -> dict[str, Any]:
     """Measure one subject, and print each row as soon as it is known."""
-    title, script = SUBJECTS[name]
+    title, function = SUBJECTS[name]
     start, rows = time.monotonic(), []
-    for row in import_module(f"benchmarks.{script}").measure(inputs):
+    for row in resolve_name(f"benchmarks.{function}")(inputs):
         print(f"  {row}", flush=True)
         rows.append(dict(fields_of(row)))
     return {

@@ -467,16 +467,15 @@ def measured() -> dict[str, dict[str, Any]]:
 
 
 def measured_rows(subject: str, *parts: str, unit: str = "") -> list[dict[str, Any]]:
-    """Return the rows that name all parts; raise LookupError if there are none."""
-    rows = measured().get(subject, {"rows": []})["rows"]
-    found = [
+    """Return the rows that contain all parts; raise LookupError if there are none."""
+    rows = [
         row
-        for row in rows
+        for row in measured().get(subject, {"rows": []})["rows"]
         if all(part in row["what"] for part in parts) and row["unit"] == (unit or row["unit"])
     ]
-    if not found:
+    if not rows:
         raise LookupError(f"{PERFORMANCE}: no row of {subject} has {parts} {unit}")
-    return found
+    return rows
 
 
 def figure(value: float) -> str:
@@ -546,6 +545,65 @@ def performance_tables() -> str:
         head = f"## {subject['title']}\n\n`make measure SUBJECTS={name}`: {place}, {when}."
         texts.append(f"{head} {_conclusion(subject['rows'])}".rstrip() + f"\n{table}")
     return "\n" + "\n".join(texts)
+
+
+@shown
+def run_time() -> str:
+    row = measured_rows("run", "to the end")[0]
+    return f"{row['value'] / 60:.0f} minutes"
+
+
+@shown
+def puck_speed() -> str:
+    """Lossless turns of a VLP-16 by effort, encoding and decoding."""
+    texts = []
+    for effort in ("fast", "normal", "thorough"):
+        rows = measured_rows("puck", f"VLP-16, {effort}: ", unit="x real time")
+        texts.append(f"{spread([row['value'] for row in rows])} times real time with `{effort}`")
+    return ", ".join(texts)
+
+
+@shown
+def scan_times() -> str:
+    """Ratios to the bare ray cast in processor time, by error model."""
+    ratios = [row["ratio"] for row in measured_rows("scans", "scan of", unit="processor s")]
+    return f"{spread(ratios)} times the processor time of a bare ray cast"
+
+
+@shown
+def gpcc_times() -> str:
+    """Ratios to TMC13's processor time, over all modes."""
+    encode, decode = (
+        spread([row["ratio"] for row in measured_rows("gpcc", f": {action}", unit="processor s")])
+        for action in ("encode", "decode")
+    )
+    return f"encoding takes {encode} times TMC13's processor time, decoding {decode}"
+
+
+def codec_times(codec: str) -> str:
+    encode, decode, memory = (
+        measured_rows("codecs", f"{codec} ", what)[0] for what in ("encode", "decode", "memory")
+    )
+    cloud, points = encode["what"].split(", ")[:2]
+    return (
+        f"{points} of the cloud `{cloud}` take {figure(encode['value'])} s to encode and "
+        f"{figure(decode['value'])} s to decode, with {figure(memory['value'])} MiB"
+    )
+
+
+@shown
+def pcgcv2_times() -> str:
+    return codec_times("pcgcv2_plus_rooms")
+
+
+@shown
+def primitives_times() -> str:
+    return codec_times("primitives")
+
+
+@shown
+def sparse_octree_net_times() -> str:
+    return codec_times("sparse_octree_net")
 
 
 if __name__ == "__main__":

@@ -34,9 +34,16 @@ STARTED: dict[str, tuple[str, ...]] = {
         *("--points", "1000"),
     ),
     "performance.gpcc": ("{tmc3}", "--repeats", "1", "--step", "8", "--modes", "angular"),
+    "performance.default_run": ("{cloud}",),
+    "performance.measure": (
+        *("--trial", "--results", "{folder}/measured.json", "--recordings", "{capture}"),
+        *("--tmc3", "{tmc3}", "--pc-error", "{pc_error}"),
+        *("scans", "puck", "gpcc", "codecs", "planning", "metrics"),
+    ),
     "performance.planning": ("{small}",),
     "performance.puck": ("{capture}", "--repeats", "0"),
     "performance.scan_speed": ("--errors", "none", "--repeats", "1", "--step", "8"),
+    "performance.start": ("--repeats", "1"),
     "same_results": ("{folder}", "{folder}"),
 }
 """Script -> its arguments; names in braces are those of `files`."""
