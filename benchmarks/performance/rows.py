@@ -1,7 +1,7 @@
 """What a script of this folder gives to `make measure`: rows, and what it needs to measure them.
 
-Each has a function ``measure(inputs: Inputs) -> Iterator[Row]``, which yields a row as soon as it is
-measured; `benchmarks.performance.measure` lists these functions.
+Each has a function ``measure(inputs: Inputs) -> Iterator[Row]``, which yields a row as soon as it
+is measured; `benchmarks.performance.measure` lists these functions.
 """
 
 from __future__ import annotations
