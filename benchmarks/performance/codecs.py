@@ -52,7 +52,7 @@ MEASURED = {
     "object": {"pcgcv2_plus": "r7", "pcgcv1_plus": "r6"},
 }
 """Rates that `measure` codes, by cloud and codec."""
-POINTS = {"room": 1_152_000, "object": 500_000}
+POINTS = {"room": 1_152_000, "object": 100_000}
 MOST_S = {
     ("pcgcv2_plus_rooms", "encode"): 2,
     ("pcgcv2_plus_rooms", "decode"): 5,
