@@ -87,10 +87,14 @@ def files(path: Path, repeats: int) -> Iterator[Row]:
 
 
 def measure(inputs: Inputs) -> Iterator[Row]:
-    """Turns of a virtual VLP-16, and recordings, whose files are also compressed whole."""
+    """Turns of a virtual VLP-16 and of recordings, which are also compressed as whole files.
+
+    Recordings of Ousters, which have metadata beside them, only as whole files.
+    """
     with TemporaryDirectory() as folder:
         made = write_recording(Path(folder, "virtual VLP-16"), 1 if inputs.is_trial else 10)
-        for path in (made, *inputs.recordings):
+        velodynes = [path for path in inputs.recordings if not path.with_suffix(".json").exists()]
+        for path in (made, *velodynes):
             yield from lossless(path.name, *strongest(path), inputs.repeats(3))
     for path in inputs.recordings:
         yield from files(path, inputs.repeats(3))
