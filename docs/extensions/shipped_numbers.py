@@ -582,7 +582,7 @@ def gpcc_times() -> str:
 
 def codec_times(codec: str) -> str:
     encode, decode, memory = (
-        measured_rows("codecs", f"{codec} ", what)[0] for what in ("encode", "decode", "memory")
+        measured_rows("codecs", f" {codec} ", what)[0] for what in ("encode", "decode", "memory")
     )
     cloud, points = encode["what"].split(", ")[:2]
     return (
@@ -593,7 +593,7 @@ def codec_times(codec: str) -> str:
 
 @shown
 def pcgcv2_times() -> str:
-    return codec_times("pcgcv2_plus_rooms")
+    return codec_times("pcgcv2_plus")
 
 
 @shown
