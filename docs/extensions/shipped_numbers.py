@@ -501,7 +501,7 @@ def _conclusion(rows: Sequence[dict[str, Any]]) -> str:
         if "ratio" in row:
             ratios.setdefault((row["unit"], row["rival"]), []).append(row["ratio"])
     texts = [
-        f"{unit}: {spread(values)} of those of {rival}, median {figure(float(np.median(values)))}."
+        f"Ratio to {rival} in {unit}: {spread(values)}, median {figure(float(np.median(values)))}."
         for (unit, rival), values in ratios.items()
     ]
     if aims := [row for row in rows if "is_met" in row]:
