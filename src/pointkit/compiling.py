@@ -13,7 +13,7 @@ from __future__ import annotations
 import hashlib
 import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any, TypeVar, cast
 
@@ -84,6 +84,8 @@ class CompilingNotice(Listener):
             self._seconds += time.monotonic() - self._began
 
 
+_FUNCTIONS: dict[str, Any] = {}
+"""Compiled functions of this process by name; not those that are made in other functions."""
 _register: Any = register  # numba has no type hints here
 NOTICE = CompilingNotice()
 _register("numba:compile", NOTICE)
@@ -109,7 +111,10 @@ def compiled(function: Function, **options: Any) -> Function:
         The compiled function.
     """
     _config.CACHE_LOCATOR_CLASSES = _LOCATORS
-    return cast(Function, numba.njit(cache=True, nogil=True, **options)(function))
+    result = cast(Function, numba.njit(cache=True, nogil=True, **options)(function))
+    if "<locals>" not in function.__qualname__:
+        _FUNCTIONS[f"{function.__module__}.{function.__qualname__}"] = result
+    return result
 
 
 def compiled_in_place(function: Function, **options: Any) -> Function:
@@ -135,6 +140,31 @@ def inlined_too(function: Function) -> Function:
     The function must create no arrays.
     """
     return compiled_in_place(function, forceinline=True)
+
+
+def loaded_functions() -> dict[str, list[Any]]:
+    """Return the argument types of functions whose machine code this process has read from caches.
+
+    The result is by name of the function. It is empty if this process has compiled a function,
+    because then it also has functions that later processes do not need.
+    """
+    if any(function.stats.cache_misses for function in _FUNCTIONS.values()):
+        return {}
+    return {name: each.signatures for name, each in _FUNCTIONS.items() if each.signatures}
+
+
+def load_functions(argument_types: Mapping[str, list[Any]]) -> None:
+    """Read the machine code of functions from caches, as another process has done.
+
+    Parameters
+    ----------
+    argument_types
+        What `loaded_functions` returned in the other process. Functions of modules that this
+        process has not imported are left out.
+    """
+    for name in argument_types.keys() & _FUNCTIONS.keys():
+        for types in argument_types[name]:
+            _FUNCTIONS[name].compile(types)
 
 
 def intrinsic(function: Callable[..., Any], **options: Any) -> Any:

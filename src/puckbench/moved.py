@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from importlib.abc import MetaPathFinder
 from importlib.machinery import ModuleSpec
 from types import ModuleType
 
@@ -52,7 +51,7 @@ _MOVED = {
 """Old modules and packages, and where they, or most of what was in them, are now."""
 
 
-class MovedModules(MetaPathFinder):
+class MovedModules:
     """Explains the import of a module that no other finder has found."""
 
     def find_spec(

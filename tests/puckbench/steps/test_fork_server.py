@@ -26,8 +26,12 @@ import json, os, sys, time
 from pathlib import Path
 
 import numba
+import numpy as np
 
+from pointkit.geometry.morton import morton_codes
 from puckbench.codecs.base import Codec
+
+LOADED = len(morton_codes.signatures)
 
 
 class Own(Codec):
@@ -46,9 +50,11 @@ class Own(Codec):
             "forked": sys.argv[0] == "-c",
             "numpy in the parent": "_multiarray" in Path(f"/proc/{os.getppid()}/maps").read_text(),
             "threads": numba.get_num_threads(),
+            "loaded": LOADED,
             "folder": os.getcwd(),
             "variable": os.environ.get("VARIABLE"),
         }
+        morton_codes(np.zeros((1, 3), np.int64), np.zeros(1, np.int64))
         return json.dumps(found).encode()
 
     def decode(self, stream):
@@ -58,7 +64,7 @@ KILLED = "puckbench: this job was killed, and runs again\n"
 STARTER = """
 import os, sys
 from puckbench.steps.fork_server import VARIABLE, start_fork_server
-start_fork_server(1, ["numpy"])
+start_fork_server(1, ["numpy", "pointkit.geometry.morton"])
 print(os.environ[VARIABLE], flush=True)
 sys.stdin.read()
 """
@@ -153,6 +159,17 @@ def test_a_forked_job_has_all_of_the_process_that_asked_for_it(
 @pytest.mark.usefixtures("server")
 def test_a_forked_job_finds_what_the_server_imported(job: list[str], tmp_path: Path) -> None:
     assert _run(job, tmp_path)[1]["numpy in the parent"]
+
+
+@pytest.mark.usefixtures("server")
+def test_a_forked_job_finds_compiled_functions_of_jobs_before(
+    job: list[str], tmp_path: Path
+) -> None:
+    """The first job may compile; what the second reads from the cache, the server then reads."""
+    found = [_run(job, tmp_path)[1] for _ in range(3)]
+    assert all(each["forked"] for each in found)
+    assert found[0]["loaded"] == 0
+    assert found[2]["loaded"] == 1
 
 
 def test_a_server_imports_all_packages_that_jobs_use() -> None:
