@@ -21,11 +21,11 @@ import sys
 import tempfile
 import time
 from collections import defaultdict
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from benchmarks.turns import virtual_scan
@@ -89,30 +89,40 @@ INPUTS: dict[str, tuple[str, Callable[[Path, argparse.Namespace], None]]] = {
 }
 
 
-def run(source: Path, out: Path, words: list[str]) -> str:
-    """Run the benchmark on a file or folder, and return wall s, processor s and the two MiB."""
+class Cost(NamedTuple):
+    """Seconds on the wall and of all processors, and peak memory of one and of all processes."""
+
+    wall_s: float
+    processor_s: float
+    largest_mib: float
+    together_mib: float
+
+
+def run(source: Path, out: Path, words: Sequence[str] = ()) -> Cost:
+    """Run the benchmark on a file or folder, into the folder `out`, and return what it took."""
     command = [sys.executable, "-m", "puckbench", "run", str(source), "--out", str(out), *words]
     start = time.perf_counter()
+    adopt_orphans()  # the server of jobs is killed before its last children are waited for
     with (out.parent / f"{out.name}.txt").open("w+") as text:
         child = subprocess.Popen(command, cwd=out.parent, stdout=text, stderr=subprocess.STDOUT)
-        processor_s, largest, together = 0.0, 0, 0
-        with suppress(ChildProcessError):  # no process is left, orphans included
+        processor_s, largest_kib, together_kib = 0.0, 0, 0
+        with suppress(ChildProcessError):  # no process is left
             while True:
                 ended, status, used = os.wait4(-1, os.WNOHANG)
                 if ended:
                     processor_s += used.ru_utime + used.ru_stime
-                    largest = max(largest, used.ru_maxrss)
+                    largest_kib = max(largest_kib, used.ru_maxrss)
                 if ended == child.pid:
-                    child.returncode = status
+                    child.returncode = os.waitstatus_to_exitcode(status)
                 if not ended:
                     before = time.perf_counter()
-                    together = max(together, _resident_kib())
+                    together_kib = max(together_kib, _resident_kib())
                     time.sleep(0.1 + 20 * (time.perf_counter() - before))
         if child.returncode:
             text.seek(0)
             raise SystemExit(text.read()[-2000:])
     wall_s = time.perf_counter() - start
-    return f"{wall_s:8.1f} {processor_s:8.1f} {largest / 1024:9.0f} {together / 1024:9.0f}"
+    return Cost(wall_s, processor_s, largest_kib / 1024, together_kib / 1024)
 
 
 def _resident_kib() -> int:
@@ -149,16 +159,17 @@ def main() -> None:
     parser.add_argument("--folder", type=Path)
     parser.add_argument("--run", nargs=argparse.REMAINDER, default=[])
     options = parser.parse_args()
-    adopt_orphans()
     with tempfile.TemporaryDirectory() as temporary:
         folder = (options.folder or Path(temporary)).resolve()
+        folder.mkdir(parents=True, exist_ok=True)
         for name in options.inputs or INPUTS:
             file, write = INPUTS[name]
             if not (folder / file).exists():
                 write(folder / file, options)
             out = folder / f"out_{name}"
+            wall_s, processor_s, largest, together = run(folder / file, out, options.run)
             print(f"{'':10} {'wall s':>8} {'cpu s':>8} {'largest':>9} {'all':>9} MiB")
-            print(f"{name:10} {run(folder / file, out, options.run)}", flush=True)
+            print(f"{name:10} {wall_s:8.1f} {processor_s:8.1f} {largest:9.0f} {together:9.0f}")
             print_steps(out / "logs")
 
 
