@@ -18,6 +18,7 @@ from pointkit.seeding import generator
 from puckbench.recordings.reading import read_recording
 from virtual_lidar import free_origin, open_error_model, open_sweep, scan
 from virtual_lidar.scan_returns import returns_of_scan
+from virtual_lidar.scan_table import ScanTable
 from virtual_lidar.scenes.rooms import make_room
 
 UNIT_M = 0.001
@@ -50,8 +51,8 @@ def virtual_turn(
     return Turn(f"virtual {name}", points, describe_sensor(beams, UNIT_M, steps, (x, y, z)))
 
 
-def virtual_returns(name: str, turns: int = 1) -> Returns:
-    """Return the returns of turns of a virtual sensor in a generated office."""
+def virtual_scan(name: str, turns: int = 1) -> ScanTable:
+    """Return a scan of turns of a level virtual sensor in a generated office."""
     mesh, sensor = make_room("office_1", seed=1), load_sensor(name)
     sweep = open_sweep(
         {
@@ -63,7 +64,12 @@ def virtual_returns(name: str, turns: int = 1) -> Returns:
     )
     random = generator(1, "benchmark of returns", name)
     model, origin = open_error_model("vlp16", None), free_origin(mesh)
-    return returns_of_scan(scan(mesh, sensor, sweep, model, origin, random)).returns
+    return scan(mesh, sensor, sweep, model, origin, random)
+
+
+def virtual_returns(name: str, turns: int = 1) -> Returns:
+    """Return the returns of a `virtual_scan`."""
+    return returns_of_scan(virtual_scan(name, turns)).returns
 
 
 def recorded_turns(path: Path) -> Iterator[Turn]:

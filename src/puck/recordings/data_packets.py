@@ -91,6 +91,7 @@ def packets_of_capture(capture: Capture, name: str | None = None) -> PacketLog:
     about = {"format": "pcap", **_counts(capture, len(packets))}
     if foreign := int((kinds == PayloadKind.FOREIGN).sum()):
         about["foreign_packets"] = foreign
+    del payloads  # as large as the recording
     received = [packet.received for packet in packets]
     return whole_packets([packet.payload for packet in packets], received, about)
 
@@ -160,7 +161,9 @@ def whole_packets(
         "foreign_packets": int((kinds == PayloadKind.FOREIGN).sum()),
     }
     counted = {**about, **{name: count for name, count in counts.items() if count}}
-    return in_order(PacketLog(log.payloads[is_data], log.received[is_data], counted))
+    if not is_data.all():
+        log = PacketLog(log.payloads[is_data], log.received[is_data])
+    return in_order(replace(log, about=counted))
 
 
 def log_left_out(path: Path, about: Mapping[str, Any]) -> None:

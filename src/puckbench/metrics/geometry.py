@@ -14,6 +14,7 @@ from typing import Any, cast
 import numpy as np
 from numpy.typing import NDArray
 
+from pointkit.compiling import compiled
 from pointkit.errors import InputError
 from pointkit.geometry.cloud import Floats, PointCloud, check_points
 from pointkit.geometry.spatial_order import Rows, distinct_points
@@ -161,8 +162,8 @@ def squared_errors(
         b,
         ab.squared,
         ba.squared,
-        _projected(a, b, normals_b, ab),
-        _projected(b, a, normals, ba),
+        _projected(a, b, normals_b, ab.starts, ab.index),
+        _projected(b, a, normals, ba.starts, ba.index),
     )
 
 
@@ -223,28 +224,51 @@ def transfer_normals(normals: Floats, size: int, ab: Neighbours, ba: Neighbours)
     ba
         The nearest neighbours in A of the points of B.
     """
-    takers, sources = _exact_pairs(ab)
-    to_b = np.bincount(sources, minlength=size) == 0
-    queries, nearest = _exact_pairs(ba)
-    is_left = to_b[queries]
-    rows = np.concatenate([sources, queries[is_left]])
-    taken = normals.take(np.concatenate([takers, nearest[is_left]]), axis=0)
-    sums = [np.bincount(rows, column, size) for column in taken.T]
-    return np.stack(sums, axis=1) / np.bincount(rows, minlength=size)[:, None]
+    sums, counts = np.zeros((size, 3)), np.zeros(size, np.int64)
+    _add_to_nearest(normals, ab.starts, ab.exact, ab.index, sums, counts)
+    _add_nearest(normals, ba.starts, ba.exact, ba.index, sums, counts)
+    sums /= counts[:, None]
+    return sums
 
 
-def _exact_pairs(neighbours: Neighbours) -> tuple[Rows, Rows]:
-    """Return the indices (k,) of queries and neighbours for pairs at exactly the least distance."""
-    first = neighbours.starts[:-1]
-    queries = np.repeat(np.arange(len(first)), np.diff(neighbours.starts))
-    is_exact = np.arange(len(queries)) - first[queries] < neighbours.exact[queries]
-    return queries[is_exact], neighbours.index[is_exact]
+@compiled
+def _add_to_nearest(
+    normals: Floats, starts: Rows, exact: Rows, index: Rows, sums: Floats, counts: Rows
+) -> None:
+    """Add the normal of each point of A to the points of B at exactly the least distance."""
+    for i in range(len(exact)):
+        for pair in range(starts[i], starts[i] + exact[i]):
+            for axis in range(3):
+                sums[index[pair], axis] += normals[i, axis]
+            counts[index[pair]] += 1
 
 
-def _projected(queries: Floats, points: Floats, normals: Floats, nearest: Neighbours) -> Floats:
-    counts = np.diff(nearest.starts)
-    rows = np.repeat(np.arange(len(queries)), counts)
-    offsets = queries.take(rows, axis=0) - points.take(nearest.index, axis=0)
-    offsets *= normals.take(nearest.index, axis=0)
-    along = offsets[:, 0] + offsets[:, 1] + offsets[:, 2]
-    return np.bincount(rows, along * along, len(queries)) / counts
+@compiled
+def _add_nearest(
+    normals: Floats, starts: Rows, exact: Rows, index: Rows, sums: Floats, counts: Rows
+) -> None:
+    """Add to each point of B without a normal those of its nearest points of A."""
+    for i in range(len(exact)):
+        if counts[i] == 0:
+            for pair in range(starts[i], starts[i] + exact[i]):
+                for axis in range(3):
+                    sums[i, axis] += normals[index[pair], axis]
+            counts[i] = exact[i]
+
+
+@compiled
+def _projected(
+    queries: Floats, points: Floats, normals: Floats, starts: Rows, index: Rows
+) -> Floats:
+    """Return the mean squared offset of each query along the normals of its nearest points."""
+    means = np.empty(len(queries))
+    for i in range(len(queries)):
+        total = 0.0
+        for pair in range(starts[i], starts[i + 1]):
+            along = 0.0
+            for axis in range(3):
+                offset = queries[i, axis] - points[index[pair], axis]
+                along += offset * normals[index[pair], axis]
+            total += along * along
+        means[i] = total / (starts[i + 1] - starts[i])
+    return means

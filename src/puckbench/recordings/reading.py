@@ -26,7 +26,7 @@ from puck.recordings.ouster import ouster_turns
 from puck.recordings.packet_order import tell_irregularities
 from puck.recordings.packet_turns import SENSORS, decode_packets, kind_codes, returns_of_packets
 from puck.recordings.packets import HDL64E, MESSAGES, SCAN, PacketLog
-from puck.recordings.pcap import read_datagrams, refuse_stream
+from puck.recordings.pcap import Capture, read_datagrams, refuse_stream
 from puck.recordings.ros_bags import is_bag, read_messages
 from puck.recordings.topics import refuse_topic
 from puckbench.recordings.cloud_messages import has_clouds
@@ -195,12 +195,16 @@ def read_packets(
 
 
 def _packets_of_file(path: Path, stream: str | None, topic: str | None, source: Path) -> PacketLog:
+    capture = _capture(path, topic)
+    return ouster_packets(capture, source, stream) or packets_of_capture(capture, stream)
+
+
+def _capture(path: Path, topic: str | None) -> Capture:
     data = read_bytes(path)
     if not is_packet_capture(data):
         raise InputError(_unknown_format(data))
     refuse_topic(topic)
-    capture = read_datagrams(data)
-    return ouster_packets(capture, source, stream) or packets_of_capture(capture, stream)
+    return read_datagrams(data)
 
 
 def _unknown_format(data: bytes) -> str:

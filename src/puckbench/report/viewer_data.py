@@ -11,10 +11,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from cloud_files.clouds import read_cloud
-from pointkit.errors import InputError, naming
+from pointkit.errors import naming
 from pointkit.geometry.cloud import Floats, PointCloud
 from pointkit.seeding import generator
-from puckbench.core.archives import SUFFIX, read_archive
+from puckbench.core.archives import SUFFIX, read_member
 from puckbench.figures.style import FigureStyle
 from puckbench.report.contents import Contents, Example
 from puckbench.report.plot_data import codec_payload, round_significant
@@ -132,12 +132,9 @@ def _example(
 def _decoded(file: Path, rate: str) -> PointCloud:
     if file.suffix != SUFFIX:
         return read_cloud(file)
-    name, members = f"{rate}.ply", read_archive(file)
-    if name not in members:
-        raise InputError(f"{file}: has no member {name}")
     with TemporaryDirectory() as folder, naming(file):
-        path = Path(folder, name)
-        path.write_bytes(members[name])
+        path = Path(folder, "cloud.ply")
+        path.write_bytes(read_member(file, f"{rate}.ply"))
         return read_cloud(path)
 
 

@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -41,10 +42,12 @@ class DecodeShown(CodecStep):
 
     def run(self, curve: Path, clouds: Path) -> dict[str, Any]:
         """Write the decoded clouds to one ZIP file, as ``RATE.ply``, and return their number."""
+        write_archive(clouds, self._decoded(curve))
+        return {"clouds": len(self.rates)}
+
+    def _decoded(self, curve: Path) -> Iterator[tuple[str, bytes]]:
         coded, codec = read_curve(curve), ready(self.opened())
-        once, members = TimingSettings(repeats=1), {}
+        once = TimingSettings(repeats=1)
         with naming(curve):
             for rate in self.rates:
-                members[f"{rate}.ply"] = cloud_bytes(decoded_cloud(codec, coded[rate], once).cloud)
-        write_archive(clouds, members)
-        return {"clouds": len(members)}
+                yield f"{rate}.ply", cloud_bytes(decoded_cloud(codec, coded[rate], once).cloud)

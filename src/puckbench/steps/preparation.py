@@ -80,10 +80,8 @@ def prepare(cloud: PointCloud, size: int | str = 1024, neighbours: int = 30) -> 
     from puckbench.geometry.normals import estimate_normals
     from puckbench.metrics.density import density, density_in_metres
     from puckbench.metrics.diameter import diameter
-    from puckbench.metrics.elongation import elongation, oriented_elongation
 
     scaling, xyz, side = _scaled(cloud, size)
-    local = cloud.xyz - origin_shift(cloud.xyz)  # large coordinates would lose precision
     about = {
         **cloud.about,
         "scale": float(scaling.scale),
@@ -91,14 +89,20 @@ def prepare(cloud: PointCloud, size: int | str = 1024, neighbours: int = 30) -> 
         "size": side,
         "neighbours": neighbours,
         "size_m": np.ptp(cloud.xyz, axis=0).tolist(),
-        "elongation": elongation(local),
-        "elongation_oriented": oriented_elongation(local),
+        **_elongations(cloud.xyz),
         **density_in_metres(density(xyz), float(scaling.scale)),
         "diameter": diameter(xyz),
         "digest": cloud_digest(xyz, metric=side == 0),
         **({} if side else {"peak": cloud.about.get("peak", PEAK_M)}),
     }
     return replace(cloud, xyz=xyz, normals=estimate_normals(xyz, neighbours), about=about)
+
+
+def _elongations(points: Floats) -> dict[str, float]:
+    from puckbench.metrics.elongation import elongation, oriented_elongation
+
+    local = points - origin_shift(points)  # large coordinates would lose precision
+    return {"elongation": elongation(local), "elongation_oriented": oriented_elongation(local)}
 
 
 def _scaled(cloud: PointCloud, size: int | str) -> tuple[Scaling, Floats, int]:

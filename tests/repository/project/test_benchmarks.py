@@ -42,6 +42,10 @@ STARTED: dict[str, tuple[str, ...]] = {
     ),
     "performance.planning": ("{small}",),
     "performance.puck": ("{capture}", "--repeats", "0"),
+    "performance.scale": (
+        *("--points", "2000", "--megabytes", "0.1", "--clouds", "2"),
+        *("--run", "--codecs", "draco", "--cores", "2"),
+    ),
     "performance.scan_speed": ("--errors", "none", "--repeats", "1", "--step", "8"),
     "performance.start": ("--repeats", "1"),
     "same_results": ("{folder}", "{folder}"),
