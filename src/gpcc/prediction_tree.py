@@ -181,8 +181,7 @@ class Forest(NamedTuple):
     """K-d trees with 2^k positions each, to which positions are added one by one, as in TMC13.
 
     A new position and all trees below the smallest unused size are merged into a tree of this size
-    (Bentley's logarithmic method). The tree of 2^k positions starts at the row 2^k and the node
-    2^(k + 1).
+    (Bentley's logarithmic method). The tree of 2^k positions starts at the row 2^k.
     """
 
     trees: KdTrees
@@ -195,9 +194,8 @@ class Forest(NamedTuple):
 
 def empty_forest(most: int) -> Forest:
     count = max(most, 1).bit_length()
-    positions = np.empty((most, 3), dtype=np.int32)
     return Forest(
-        empty_trees(positions, 2 << count, 4 << count, NEIGHBOURS),
+        empty_trees(np.int32, 2 << count, NEIGHBOURS),
         np.empty(most, dtype=np.int32),
         np.empty((count, 6), dtype=np.int64),
         np.zeros(1, dtype=np.int64),
@@ -206,8 +204,7 @@ def empty_forest(most: int) -> Forest:
 
 @kernel
 def add_position(forest: Forest, owner: int, x: int, y: int, z: int) -> None:
-    row, rows, positions = forest.counters[0], forest.trees.rows, forest.trees.points
-    positions[row, 0], positions[row, 1], positions[row, 2] = x, y, z
+    row, rows, places = forest.counters[0], forest.trees.rows, forest.trees.places
     forest.owners[row] = owner
     tree = 0
     while row >> tree & 1:
@@ -215,10 +212,13 @@ def add_position(forest: Forest, owner: int, x: int, y: int, z: int) -> None:
     size = 1 << tree
     for k in range(1, size):  # the rows of all smaller trees
         rows[size + k - 1] = rows[k]
+        for axis in range(3):
+            places[axis, size + k - 1] = places[axis, k]
     rows[2 * size - 1] = row
+    places[0, 2 * size - 1], places[1, 2 * size - 1], places[2, 2 * size - 1] = x, y, z
     forest.counters[0] += 1
     if tree > _LEAF_LOG2:
-        build(forest.trees, 2 * size, size, 2 * size, forest.boxes[tree], 1.0)
+        build(forest.trees, size, 2 * size, forest.boxes[tree], 1.0)
 
 
 @kernel
@@ -233,6 +233,6 @@ def nearest(forest: Forest, x: int, y: int, z: int) -> int:
         if count >> tree & 1 and tree <= _LEAF_LOG2:
             held = search_rows(forest.trees, 1 << tree, 2 << tree, (x, y, z), held)
         elif count >> tree & 1:
-            held = search(forest.trees, 2 << tree, forest.boxes[tree], (x, y, z), held)
+            held = search(forest.trees, 1 << tree, forest.boxes[tree], (x, y, z), held)
         tree += 1
     return held
