@@ -15,6 +15,7 @@ from gpcc.compiled import entry, integer, row, unsigned
 from pointkit.coding.intrinsics import leading_zeros
 from pointkit.compiling import inlined
 from pointkit.geometry.morton import Ints
+from pointkit.threads import allowed_threads, in_threads
 
 Numbers = NDArray[Any]
 Int32s = NDArray[np.int32]
@@ -73,27 +74,69 @@ def build(trees: KdTrees, first: int, end: int, box: Numbers, share: float) -> N
     share
         Sides of a node's box may be split if they are at least this share of the longest side.
     """
-    nodes, stack, used, depth = trees.nodes, trees.stack, 2 * first + 1, 1
+    _enter(trees, first, end, box)
+    _build_below(trees, share)
+
+
+def build_in_threads(trees: KdTrees, first: int, end: int, box: Numbers, share: float) -> None:
+    """Build a tree of many points. The arguments and the tree are those of `build`."""
+    _enter(trees, first, end, box)
+    parts = [trees]
+    while len(parts) < 2 * allowed_threads():
+        largest = max(parts, key=lambda part: float(part.stack[0, 2] - part.stack[0, 1]))
+        other = trees._replace(stack=np.empty_like(trees.stack))
+        _halve(largest, other.stack[0], share)
+        parts.append(other)
+    in_threads(lambda part: _build_below(part, share), parts)
+
+
+@entry
+def _enter(trees: KdTrees, first: int, end: int, box: Numbers) -> None:
+    """Write the root's frame to the stack: node, rows, and sides of the box."""
+    stack = trees.stack
     for axis in range(3):
         box[axis], box[3 + axis] = _range(trees.places[axis], first, end)
         stack[0, 3 + axis], stack[0, 6 + axis] = box[axis], box[3 + axis]
     stack[0, 0], stack[0, 1], stack[0, 2] = 2 * first, first, end
+
+
+@entry
+def _halve(trees: KdTrees, other: Numbers, share: float) -> None:
+    """Split the stack's first node; its first child takes its place, the second is `other`."""
+    # No other node of the tree has the numbers of these children.
+    _divide(trees, trees.stack[0], other, 0, share)
+
+
+@entry
+def _build_below(trees: KdTrees, share: float) -> None:
+    """Build the tree of the stack's first node."""
+    nodes, stack, depth = trees.nodes, trees.stack, 1
+    used = 2 * integer(stack[0, 1]) + 2
     while depth:
         depth -= 1
         node, first, end = row(stack, depth)
         if end - first <= _LEAF or depth + 2 > len(stack):
             nodes[node, 0], nodes[node, 1], nodes[node, 2] = -1, first, end
             continue
-        axis, middle = _split(trees, node, first, end, stack[depth], share)
-        nodes[node, 0], nodes[node, 1] = axis, used
-        cut = stack[depth, 0]
-        for side in range(3, 9):
-            stack[depth + 1, side] = stack[depth, side]
-        stack[depth, 0], stack[depth, 1], stack[depth, 2] = used, first, middle
-        stack[depth + 1, 0], stack[depth + 1, 1], stack[depth + 1, 2] = used + 1, middle, end
-        stack[depth, 6 + axis] = stack[depth + 1, 3 + axis] = cut
+        _divide(trees, stack[depth], stack[depth + 1], used, share)
         used += 2
         depth += 2
+
+
+@inlined
+def _divide(trees: KdTrees, frame: Numbers, other: Numbers, child: int, share: float) -> None:
+    """Split a node. Its frame becomes that of the first child, and `other` that of the second."""
+    # child: number of the first child, or 0 for twice the first row of the second child.
+    node, first, end = integer(frame[0]), integer(frame[1]), integer(frame[2])
+    axis, middle = _split(trees, node, first, end, frame, share)
+    child = child or 2 * middle
+    trees.nodes[node, 0], trees.nodes[node, 1] = axis, child
+    cut = frame[0]
+    for side in range(3, 9):
+        other[side] = frame[side]
+    frame[0], frame[1], frame[2] = child, first, middle
+    other[0], other[1], other[2] = child + 1, middle, end
+    frame[6 + axis] = other[3 + axis] = cut
 
 
 @inlined

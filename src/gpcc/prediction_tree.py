@@ -12,7 +12,7 @@ import numpy as np
 
 from gpcc.azimuth_order import azimuth_order
 from gpcc.compiled import entry, integer, kernel, row
-from gpcc.kd_tree import Int32s, KdTrees, build, empty_trees, search, search_rows
+from gpcc.kd_tree import Int32s, KdTrees, build, build_in_threads, empty_trees, search, search_rows
 from gpcc.spherical import Sphere, spherical
 from pointkit.geometry.morton import Ints, morton_codes
 
@@ -24,6 +24,8 @@ ROOT, DUPLICATE = -1, -2
 NEIGHBOURS = 3
 _LEAF_LOG2 = 3
 """Up to 2^3 positions are searched without a tree."""
+_LARGE_LOG2 = 15
+"""Trees of at least 2^15 positions are built in threads."""
 _FAR = (1 << 62) - 1
 
 
@@ -123,13 +125,20 @@ def nearest_tree(points: Int32s, most: int) -> PredictionTree:
     tree = empty_tree(len(points))
     for start in range(0, len(points), most):
         end = min(start + most, len(points))
-        _grow(points, tree, empty_forest(3 * (end - start)), start, end)
+        forest, node = empty_forest(3 * (end - start)), start
+        while node < end:
+            node = _grow(points, tree, forest, node, end)
+            if large := int(forest.counters[1]):
+                size = 1 << large
+                build_in_threads(forest.trees, size, 2 * size, forest.boxes[large], 1.0)
+                forest.counters[1] = 0
     return tree
 
 
 @entry
-def _grow(points: Int32s, tree: PredictionTree, forest: Forest, node: int, end: int) -> None:
-    while node < end:
+def _grow(points: Int32s, tree: PredictionTree, forest: Forest, node: int, end: int) -> int:
+    """Add nodes until a large tree of the forest is to be built, and return the next node."""
+    while node < end and not forest.counters[1]:
         _find_copies(points, tree, node, end)
         x, y, z = row(points, node)
         for k in range(nearest(forest, x, y, z)):
@@ -138,7 +147,8 @@ def _grow(points: Int32s, tree: PredictionTree, forest: Forest, node: int, end: 
                 _hang(tree, node, parent)
                 break
         _add_predictions(points, tree, forest, node)
-        node += 1 + tree.copies[node]
+        node += 1 + integer(tree.copies[node])
+    return node
 
 
 @kernel
@@ -189,6 +199,7 @@ class Forest(NamedTuple):
     owners: Int32s
     # (m, 6) bounding boxes of the trees.
     boxes: Ints
+    # Number of positions, and log2 of the size of a tree that is to be built, or 0.
     counters: Ints
 
 
@@ -198,7 +209,7 @@ def empty_forest(most: int) -> Forest:
         empty_trees(np.int32, 2 << count, NEIGHBOURS),
         np.empty(most, dtype=np.int32),
         np.empty((count, 6), dtype=np.int64),
-        np.zeros(1, dtype=np.int64),
+        np.zeros(2, dtype=np.int64),
     )
 
 
@@ -217,7 +228,9 @@ def add_position(forest: Forest, owner: int, x: int, y: int, z: int) -> None:
     rows[2 * size - 1] = row
     places[0, 2 * size - 1], places[1, 2 * size - 1], places[2, 2 * size - 1] = x, y, z
     forest.counters[0] += 1
-    if tree > _LEAF_LOG2:
+    if tree >= _LARGE_LOG2:  # needed after two more positions at most, which leave it as it is
+        forest.counters[1] = tree
+    elif tree > _LEAF_LOG2:
         build(forest.trees, size, 2 * size, forest.boxes[tree], 1.0)
 
 
