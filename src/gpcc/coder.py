@@ -179,25 +179,45 @@ def encode_geometry(
 
     def units_of(number: int) -> Units:
         part = slices[number]
+        header = _geometry_header(part, number)
         if attributes is None:
-            return [(syntax.GEOMETRY_DATA_UNIT, _data_unit(part, number, sps, gps)[0])]
-        leaves = np.empty(len(part.tree.keys) if merged else len(part.members), dtype=np.int64)
-        unit, header = _data_unit(part, number, sps, gps, leaves)
-        rows = None
-        if not merged:
-            corner = low + np.array(part.corner)
-            codes = np.repeat(leaf_codes(part.tree, part.axes), part.tree.counts)
-            along_tree = sorted_rows(part.points, corner, part.axes, part.tree)
-            rows = np.empty(len(leaves), dtype=np.int64)
-            rows[np.argsort(leaves, kind="stable")] = part.members[
-                along_tree[np.argsort(codes, kind="stable")]
-            ]
-        sensor = sensor_position(header, gps, axes, part.corner)
-        coded = CodedPoints(octree_points(gps, axes, sensor, leaves), part.members, rows)
-        units = attributes.data_units(number, part.corner, coded)
-        return [(syntax.GEOMETRY_DATA_UNIT, unit), *units]
+            return [_geometry_unit(part, header, sps, gps)]
+
+        def geometry(leaves: Ints | None = None) -> Units:
+            return [_geometry_unit(part, header, sps, gps, leaves)]
+
+        def values(leaves: Ints | None = None) -> Units:
+            codes, rows = _coded_order(part, low, merged, leaves)
+            sensor = sensor_position(header, gps, axes, part.corner)
+            coded = CodedPoints(octree_points(gps, axes, sensor, codes), part.members, rows)
+            return attributes.data_units(number, part.corner, coded)
+
+        if gps.inferred_direct_coding_mode:  # the coding decides the order of the points
+            leaves = np.empty(part.coded_points(merged), dtype=np.int64)
+            return geometry(leaves) + values(leaves)
+        first, others = in_threads(lambda units: units(), (geometry, values))
+        return first + others
 
     return stream_of(sps, gps, in_threads(units_of, range(len(slices))), parameters)
+
+
+def _coded_order(
+    part: _SlicePoints, low: Ints, merged: bool, coded: Ints | None
+) -> tuple[Ints, NDArray[np.int64] | None]:
+    """Return Morton codes of a slice's points in coded order, and their indices in the input."""
+    # coded: the codes, or None if the points have the octree's order. Merged points have no index.
+    codes, rows = leaf_codes(part.tree, part.axes), None
+    if not merged:
+        codes = np.repeat(codes, part.tree.counts)
+        corner = low + np.array(part.corner)
+        rows = part.members[sorted_rows(part.points, corner, part.axes, part.tree)]
+    if coded is None:
+        return codes, rows
+    if rows is not None:
+        along_tree = rows[np.argsort(codes, kind="stable")]
+        rows = np.empty_like(along_tree)
+        rows[np.argsort(coded, kind="stable")] = along_tree
+    return coded, rows
 
 
 def octree_points(
@@ -366,24 +386,27 @@ def _slice_points(
     return _SlicePoints((a, b, c), axes, tree, points, rows)
 
 
-def _data_unit(
-    slice_points: _SlicePoints,
-    number: int,
+def _geometry_header(part: _SlicePoints, number: int) -> syntax.GeometryHeader:
+    return syntax.GeometryHeader(
+        slice_id=number,
+        slice_geom_origin_bits_minus1=bits_of(max(part.corner)) - 1,
+        slice_geom_origin_xyz=part.corner,
+        tree_depth_minus1=len(part.axes) - 1,
+        tree_lvl_coded_axis_list=part.axes,
+    )
+
+
+def _geometry_unit(
+    part: _SlicePoints,
+    header: syntax.GeometryHeader,
     sps: syntax.SequenceParameterSet,
     gps: syntax.GeometryParameterSet,
     leaves: Ints | None = None,
-) -> tuple[bytes, syntax.GeometryHeader]:
-    header = syntax.GeometryHeader(
-        slice_id=number,
-        slice_geom_origin_bits_minus1=bits_of(max(slice_points.corner)) - 1,
-        slice_geom_origin_xyz=slice_points.corner,
-        tree_depth_minus1=len(slice_points.axes) - 1,
-        tree_lvl_coded_axis_list=slice_points.axes,
-    )
-    sensor = sensor_state(header, gps, _AXIS_ORDERS[sps.geom_axis_order], slice_points.corner)
-    data = encode_octree(slice_points.tree, header, gps, sensor, leaves)
-    coded = CodedSlice(header, data, slice_points.coded_points(gps.geom_unique_points_flag))
-    return data_unit(coded, sps, gps), header
+) -> tuple[int, bytes]:
+    sensor = sensor_state(header, gps, _AXIS_ORDERS[sps.geom_axis_order], part.corner)
+    data = encode_octree(part.tree, header, gps, sensor, leaves)
+    coded = CodedSlice(header, data, part.coded_points(gps.geom_unique_points_flag))
+    return syntax.GEOMETRY_DATA_UNIT, data_unit(coded, sps, gps)
 
 
 def decode_geometry(stream: bytes, attributes: AttributeReader | None = None) -> DecodedGeometry:

@@ -21,6 +21,9 @@ integer = cast(Callable[[Any], int], np.int64)
 Numba would convert mixed signed and unsigned integers to floats.
 """
 
+unsigned = cast(Callable[[Any], int], np.uint64)
+"""Convert an index that is not negative, to save Numba's check for negative ones in short loops."""
+
 
 def compiled(function: Function) -> Function:
     """Compile a function that may create arrays, and cache the machine code."""

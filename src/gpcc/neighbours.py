@@ -7,6 +7,8 @@ cube count as empty. Without an atlas, only siblings are known. In TMC13:
 
 from __future__ import annotations
 
+import threading
+from functools import cached_property
 from itertools import product
 from typing import NamedTuple
 
@@ -90,6 +92,27 @@ class OccupancyAtlas(NamedTuple):
 def empty_atlas(boundary: int) -> OccupancyAtlas:
     size = 1 << 3 * boundary if boundary else 1
     return OccupancyAtlas(np.zeros(size, dtype=np.uint8), np.zeros(size, dtype=np.uint8), boundary)
+
+
+class _UnusedAtlases(threading.local):
+    """Atlases of each thread by side; new ones take as long as some thousand nodes."""
+
+    @cached_property
+    def by_side(self) -> dict[int, OccupancyAtlas]:
+        return {}
+
+
+_UNUSED = _UnusedAtlases()
+
+
+def borrowed_atlas(boundary: int) -> OccupancyAtlas:
+    """Return an atlas without parents, which may be an atlas that was returned before."""
+    return _UNUSED.by_side.pop(boundary, None) or empty_atlas(boundary)
+
+
+def return_atlas(atlas: OccupancyAtlas) -> None:
+    """Keep an atlas, whose parents have been removed again, for this thread's next slice."""
+    _UNUSED.by_side[atlas.side] = atlas
 
 
 @kernel

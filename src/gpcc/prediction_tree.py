@@ -12,7 +12,7 @@ import numpy as np
 
 from gpcc.azimuth_order import azimuth_order
 from gpcc.compiled import entry, integer, kernel, row
-from gpcc.kd_tree import Int32s, KdTrees, build, empty_trees, search, search_rows
+from gpcc.kd_tree import Int32s, KdTrees, build, build_in_threads, empty_trees, search, search_rows
 from gpcc.spherical import Sphere, spherical
 from pointkit.geometry.morton import Ints, morton_codes
 
@@ -24,6 +24,8 @@ ROOT, DUPLICATE = -1, -2
 NEIGHBOURS = 3
 _LEAF_LOG2 = 3
 """Up to 2^3 positions are searched without a tree."""
+_LARGE_LOG2 = 15
+"""Trees of at least 2^15 positions are built in threads."""
 _FAR = (1 << 62) - 1
 
 
@@ -123,13 +125,20 @@ def nearest_tree(points: Int32s, most: int) -> PredictionTree:
     tree = empty_tree(len(points))
     for start in range(0, len(points), most):
         end = min(start + most, len(points))
-        _grow(points, tree, empty_forest(3 * (end - start)), start, end)
+        forest, node = empty_forest(3 * (end - start)), start
+        while node < end:
+            node = _grow(points, tree, forest, node, end)
+            if large := int(forest.counters[1]):
+                size = 1 << large
+                build_in_threads(forest.trees, size, 2 * size, forest.boxes[large], 1.0)
+                forest.counters[1] = 0
     return tree
 
 
 @entry
-def _grow(points: Int32s, tree: PredictionTree, forest: Forest, node: int, end: int) -> None:
-    while node < end:
+def _grow(points: Int32s, tree: PredictionTree, forest: Forest, node: int, end: int) -> int:
+    """Add nodes until a large tree of the forest is to be built, and return the next node."""
+    while node < end and not forest.counters[1]:
         _find_copies(points, tree, node, end)
         x, y, z = row(points, node)
         for k in range(nearest(forest, x, y, z)):
@@ -138,7 +147,8 @@ def _grow(points: Int32s, tree: PredictionTree, forest: Forest, node: int, end: 
                 _hang(tree, node, parent)
                 break
         _add_predictions(points, tree, forest, node)
-        node += 1 + tree.copies[node]
+        node += 1 + integer(tree.copies[node])
+    return node
 
 
 @kernel
@@ -181,8 +191,7 @@ class Forest(NamedTuple):
     """K-d trees with 2^k positions each, to which positions are added one by one, as in TMC13.
 
     A new position and all trees below the smallest unused size are merged into a tree of this size
-    (Bentley's logarithmic method). The tree of 2^k positions starts at the row 2^k and the node
-    2^(k + 1).
+    (Bentley's logarithmic method). The tree of 2^k positions starts at the row 2^k.
     """
 
     trees: KdTrees
@@ -190,24 +199,23 @@ class Forest(NamedTuple):
     owners: Int32s
     # (m, 6) bounding boxes of the trees.
     boxes: Ints
+    # Number of positions, and log2 of the size of a tree that is to be built, or 0.
     counters: Ints
 
 
 def empty_forest(most: int) -> Forest:
     count = max(most, 1).bit_length()
-    positions = np.empty((most, 3), dtype=np.int32)
     return Forest(
-        empty_trees(positions, 2 << count, 4 << count, NEIGHBOURS),
+        empty_trees(np.int32, 2 << count, NEIGHBOURS),
         np.empty(most, dtype=np.int32),
         np.empty((count, 6), dtype=np.int64),
-        np.zeros(1, dtype=np.int64),
+        np.zeros(2, dtype=np.int64),
     )
 
 
 @kernel
 def add_position(forest: Forest, owner: int, x: int, y: int, z: int) -> None:
-    row, rows, positions = forest.counters[0], forest.trees.rows, forest.trees.points
-    positions[row, 0], positions[row, 1], positions[row, 2] = x, y, z
+    row, rows, places = forest.counters[0], forest.trees.rows, forest.trees.places
     forest.owners[row] = owner
     tree = 0
     while row >> tree & 1:
@@ -215,10 +223,15 @@ def add_position(forest: Forest, owner: int, x: int, y: int, z: int) -> None:
     size = 1 << tree
     for k in range(1, size):  # the rows of all smaller trees
         rows[size + k - 1] = rows[k]
+        for axis in range(3):
+            places[axis, size + k - 1] = places[axis, k]
     rows[2 * size - 1] = row
+    places[0, 2 * size - 1], places[1, 2 * size - 1], places[2, 2 * size - 1] = x, y, z
     forest.counters[0] += 1
-    if tree > _LEAF_LOG2:
-        build(forest.trees, 2 * size, size, 2 * size, forest.boxes[tree], 1.0)
+    if tree >= _LARGE_LOG2:  # needed after two more positions at most, which leave it as it is
+        forest.counters[1] = tree
+    elif tree > _LEAF_LOG2:
+        build(forest.trees, size, 2 * size, forest.boxes[tree], 1.0)
 
 
 @kernel
@@ -233,6 +246,6 @@ def nearest(forest: Forest, x: int, y: int, z: int) -> int:
         if count >> tree & 1 and tree <= _LEAF_LOG2:
             held = search_rows(forest.trees, 1 << tree, 2 << tree, (x, y, z), held)
         elif count >> tree & 1:
-            held = search(forest.trees, 2 << tree, forest.boxes[tree], (x, y, z), held)
+            held = search(forest.trees, 1 << tree, forest.boxes[tree], (x, y, z), held)
         tree += 1
     return held

@@ -103,6 +103,7 @@ def encode_octree(
         parents = _first_nodes(nodes, kept)
         if not kept:
             break
+    neighbours.return_atlas(state.atlas)
     return finish(coder)
 
 
@@ -178,6 +179,7 @@ def decode_slice(
             break
     if state.counters[0] != coded.points:
         raise InputError("G-PCC stream: a slice holds fewer points than it says")
+    neighbours.return_atlas(state.atlas)
     return state.leaves
 
 
@@ -291,7 +293,7 @@ def _initial_state(
         gps.geom_planar_threshold2,
     )
     return octree.SliceState(
-        neighbours.empty_atlas(min(minus1 + 1, depth) if minus1 else 0),
+        neighbours.borrowed_atlas(min(minus1 + 1, depth) if minus1 else 0),
         planar.planar_state(
             bool(gps.geom_planar_mode_enabled_flag),
             not gps.planar_buffer_disabled_flag,

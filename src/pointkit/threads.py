@@ -3,12 +3,20 @@
 from __future__ import annotations
 
 import os
+import threading
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from typing import TypeVar
 
 Item = TypeVar("Item")
 Result = TypeVar("Result")
+
+
+class _Thread(threading.local):
+    is_one_of_several = False
+
+
+_THREAD = _Thread()
 
 
 def allowed_threads() -> int:
@@ -26,14 +34,19 @@ def _cores() -> int:
 def in_threads(function: Callable[[Item], Result], items: Iterable[Item]) -> list[Result]:
     """Call a function for each item in parallel, and return the results in the order of the items.
 
-    Only a function that releases Python's interpreter lock runs faster this way.
+    Only a function that releases Python's interpreter lock runs faster this way. Calls of
+    `in_threads` by the function itself use no further threads.
     """
     queue = list(items)
     threads = min(allowed_threads(), len(queue))
-    if threads < 2:
+    if threads < 2 or _THREAD.is_one_of_several:
         return [function(item) for item in queue]
-    with ThreadPoolExecutor(threads) as pool:
+    with ThreadPoolExecutor(threads, initializer=_mark) as pool:
         return list(pool.map(function, queue))
+
+
+def _mark() -> None:
+    _THREAD.is_one_of_several = True
 
 
 def few_at_once(function: Callable[[Item], Result], items: Sequence[Item]) -> Iterator[Result]:

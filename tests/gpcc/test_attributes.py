@@ -14,7 +14,7 @@ from gpcc.attributes.cloud import decode_cloud, encode_cloud
 from gpcc.attributes.colours import BT709, YCGCO, coded_colours, decoded_colours
 from gpcc.attributes.geometry import SlicePoints
 from gpcc.attributes.neighbour_search import boxes
-from gpcc.attributes.options import AttributeOptions
+from gpcc.attributes.options import ATTRIBUTE_PROFILES, AttributeOptions
 from gpcc.attributes.reader import AttributeReader
 from gpcc.attributes.syntax import (
     RAW,
@@ -134,6 +134,23 @@ def test_slices_in_threads_give_the_bytes_and_order_of_one_thread(
         results.append(
             (stream, decoded.points.tolist(), decoded.attributes["reflectance"].tolist())
         )
+    assert results[0] == results[1]
+
+
+@pytest.mark.parametrize("side", [300, 1 << 18])
+@pytest.mark.parametrize("profile", ["lossless", "lossless_lidar", "lifting_lidar", "raht"])
+def test_a_slice_in_threads_gives_the_bytes_and_values_of_one_thread(
+    profile: str, side: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    cloud = np.random.default_rng(4).integers(0, side, (40_000, 3))
+    cloud[20_000:] //= 64  # dense, so that sparse blocks of cells precede those of other threads
+    values = {"reflectance": cloud.sum(axis=1) % 256}
+    options, chosen = GpccOptions(merge_duplicates=False), ATTRIBUTE_PROFILES[profile]
+    results = []
+    for threads in ("1", "3"):
+        monkeypatch.setenv("OMP_NUM_THREADS", threads)
+        stream = encode_cloud(cloud, values, options, {"reflectance": chosen})
+        results.append((stream, decode_cloud(stream).attributes["reflectance"].tolist()))
     assert results[0] == results[1]
 
 

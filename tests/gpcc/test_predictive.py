@@ -11,6 +11,7 @@ from gpcc.azimuth_order import azimuth_order
 from gpcc.bits import BitReader
 from gpcc.coder import decode_geometry
 from gpcc.conformance import FOLDER
+from gpcc.kd_tree import build, build_in_threads, empty_trees
 from gpcc.prediction_tree import add_position, empty_forest, nearest, nearest_tree
 from gpcc.predictive_coder import PredictiveOptions, encode_predictive_geometry
 from gpcc.sensor import SensorDescription
@@ -162,6 +163,28 @@ def test_parents_come_before_their_children_and_have_three_at_most() -> None:
     assert (tree.parents[rows] < rows).all()
     assert np.bincount(tree.parents[rows]).max() <= 3
     assert (tree.parents == -1).sum() + len(rows) + tree.copies.sum() == len(points)
+
+
+def test_a_tree_built_in_threads_is_the_same(monkeypatch: pytest.MonkeyPatch) -> None:
+    points = np.random.default_rng(5).integers(0, 60, (20_000, 3))  # many are equally near
+    order = []
+    for builder, threads in ((build, "1"), (build_in_threads, "1"), (build_in_threads, "3")):
+        monkeypatch.setenv("OMP_NUM_THREADS", threads)
+        trees = empty_trees(np.int32, len(points), 1)
+        trees.places[:], trees.rows[:] = points.T, np.arange(len(points))
+        builder(trees, 0, len(points), np.empty(6, dtype=np.int64), 1.0)
+        assert (points[trees.rows] == trees.places.T).all()
+        order.append(trees.rows.tolist())
+    assert order[0] == order[1] == order[2]
+
+
+def test_large_trees_give_the_same_parents_in_threads(monkeypatch: pytest.MonkeyPatch) -> None:
+    points = np.random.default_rng(5).integers(0, 60, (14_000, 3)).astype(np.int32)
+    parents = []
+    for threads in ("1", "3"):
+        monkeypatch.setenv("OMP_NUM_THREADS", threads)
+        parents.append(nearest_tree(points, len(points)).parents.tolist())
+    assert parents[0] == parents[1]
 
 
 def test_the_azimuths_order_is_by_angle_then_radius_then_slope() -> None:

@@ -38,3 +38,12 @@ def test_few_at_once_computes_hardly_more_than_it_is_asked_for(
     assert [next(results) for _ in range(3)] == [0, 1, 4]
     assert sorted(begun) == list(range(computed))
     assert list(results) == [9, 16, 25, 36]
+
+
+def test_calls_within_a_thread_use_no_further_threads(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("OMP_NUM_THREADS", "2")
+
+    def own_and_inner(_: int) -> set[int]:
+        return {threading.get_ident(), *in_threads(lambda _: threading.get_ident(), range(3))}
+
+    assert [len(threads) for threads in in_threads(own_and_inner, range(2))] == [1, 1]

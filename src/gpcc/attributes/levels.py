@@ -114,7 +114,6 @@ def _build(
     predictors: Predictors,
 ) -> tuple[Int32s, list[int]]:
     count = len(points.codes)
-    atlases = MEMORY.atlases
     order = np.empty(count, dtype=np.int32)
     remaining = np.arange(count, dtype=np.int32)
     nothing = np.empty(0, dtype=np.int32)
@@ -124,7 +123,7 @@ def _build(
     while len(remaining) and level < aps.max_detail_levels:
         taken, retained = remaining, nothing
         if level < aps.max_detail_levels - 1:
-            taken, retained = _subsampled(points, aps, header, remaining, level, atlases[0])
+            taken, retained = _subsampled(points, aps, header, remaining, level)
         end = start + len(taken)
         order[start:end] = taken
         first = level
@@ -138,7 +137,7 @@ def _build(
                 continue
             options = _search_options(aps, header, again)
             work = nearest_neighbours(
-                points, options, bias, order, part, retained, predictors, atlases, work
+                points, options, bias, order, part, retained, predictors, work
             )
             if work < 0:
                 raise InputError("G-PCC: the search of neighbours for attributes takes too long")
@@ -171,7 +170,6 @@ def _subsampled(
     header: AttributeHeader,
     remaining: Int32s,
     level: int,
-    atlas: Atlas,
 ) -> tuple[Int32s, Int32s]:
     dist2 = aps.dist2 + header.attr_dist2_delta + level
     is_retained = np.zeros(len(remaining), dtype=np.bool_)
@@ -180,7 +178,7 @@ def _subsampled(
     elif aps.lod_decimation_type == PERIODIC:
         is_retained[:: aps.lod_sampling_period[level]] = True
     elif aps.lod_decimation_type == BY_DISTANCE:
-        _retain_distant(points, remaining, dist2, atlas, is_retained)
+        _retain_distant(points, remaining, dist2, MEMORY.atlases[0], is_retained)
     else:
         period = aps.lod_sampling_period[level]
         _retain_centroids(points, remaining, dist2, True, period, is_retained)

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import threading
 from functools import cached_property
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
@@ -18,6 +19,7 @@ from gpcc.compiled import entry, integer, row
 from gpcc.kd_tree import Int32s
 from pointkit.compiling import inlined
 from pointkit.geometry.morton import X_BITS, Y_BITS, Z_BITS, Ints
+from pointkit.threads import allowed_threads, in_threads
 
 Best = tuple[int, int, int]
 
@@ -31,6 +33,8 @@ _LARGEST_CELL_BITS = 20
 _MOST_IN_CELLS = 256
 _FAN_LOG2 = 3
 _FAN_MASK = 7
+_LEAST_PART = 1 << 14
+"""Minimum number of points for which a thread searches."""
 
 # Neighbours of a cell in the order of the search, as Morton codes of offsets from the lowest.
 ALL_NEIGHBOURS = np.array(
@@ -436,8 +440,10 @@ class Level(NamedTuple):
 
 
 @entry
-def find_nearest(level: Level, options: SearchOptions, nearest: Int32s, work: int) -> int:
-    """Find the three candidates that are nearest to each point of a level.
+def find_nearest(
+    level: Level, options: SearchOptions, nearest: Int32s, first: int, end: int, work: int
+) -> int:
+    """Find the three candidates that are nearest to the points `first` to `end` - 1 of a level.
 
     Parameters
     ----------
@@ -446,6 +452,8 @@ def find_nearest(level: Level, options: SearchOptions, nearest: Int32s, work: in
     nearest
         Result (n, 3), the nearest first, -1 where there are fewer. With c coarser points, an index
         below c is that of a coarser point, and c + i is point i of the same level.
+    first, end
+        The points of the level.
     work
         Number of operations that the search may take.
 
@@ -459,7 +467,8 @@ def find_nearest(level: Level, options: SearchOptions, nearest: Int32s, work: in
     clear(level.near.atlas)
     clear(level.coarser_grid.atlas)
     clear(level.same_level_grid.atlas)
-    for i in range(len(level.codes)):
+    _skip_points(level.near, level.codes, first)
+    for i in range(first, end):
         best = (integer(_FAR), integer(_FAR), integer(_FAR))
         if coarser_count:
             code = level.codes[i]
@@ -475,6 +484,21 @@ def find_nearest(level: Level, options: SearchOptions, nearest: Int32s, work: in
         if work < 0:
             break
     return work
+
+
+@inlined
+def _skip_points(grid: Grid, codes: Ints, first: int) -> None:
+    """Pass the blocks of the points before the first, as if these had been searched for."""
+    block_shift, candidates = min(63, grid.shift + _CELL_BITS), grid.codes
+    passed, following, block = integer(-1), grid.state[2], codes[first] >> block_shift
+    for i in range(first):
+        if codes[i] >> block_shift == block:
+            break
+        if codes[i] >> block_shift != passed:
+            passed = codes[i] >> block_shift
+            while following < len(candidates) and candidates[following] >> block_shift == passed:
+                following += 1
+    grid.state[2] = following
 
 
 @inlined
@@ -574,7 +598,6 @@ def nearest_neighbours(
     part: slice,
     retained: Int32s,
     predictors: Predictors,
-    atlases: Atlases,
     work: int,
 ) -> int:
     """Find the points that predict the points `order[part]`, which are one level of detail.
@@ -595,8 +618,6 @@ def nearest_neighbours(
         Indices of the points of coarser levels.
     predictors
         Result. Its `neighbours` are indices of points, not yet places in coding order.
-    atlases
-        Working memory of this thread.
     work
         Number of operations that the search may take.
 
@@ -612,23 +633,29 @@ def nearest_neighbours(
         placed = [rows >> options.mask_bits << options.mask_bits for rows in placed]
     same_level_boxes, coarser_boxes = (boxes(rows * scale) for rows in placed)
     codes, coarser_codes = points.codes[same_level], points.codes[retained]
-    near, coarser_grid, same_level_grid = atlases
     sized = not options.mask_bits
     is_sorted = sized and len(codes) > 1 and codes[0] != codes[-1]
     bits = _dense_cell_bits(codes, 4) if is_sorted else 0
     coarser_bits = _dense_cell_bits(coarser_codes, 2)
     of_coarser = coarser_codes, coarser_boxes.positions, bias
     of_level = codes, same_level_boxes.positions, bias
-    level = Level(
-        codes,
-        same_level_boxes,
-        coarser_boxes,
-        grid(*of_coarser, near, options.cell_bits, False),
-        grid(*of_coarser, coarser_grid, coarser_bits, sized),
-        grid(*of_level, same_level_grid, bits, True, following=True),
-    )
     nearest = np.empty((len(same_level), 3), dtype=np.int32)
-    work = find_nearest(level, options, nearest, work)
+
+    def work_of(points: tuple[int, int]) -> int:
+        near, coarser_grid, same_level_grid = MEMORY.atlases
+        level = Level(
+            codes,
+            same_level_boxes,
+            coarser_boxes,
+            grid(*of_coarser, near, options.cell_bits, False),
+            grid(*of_coarser, coarser_grid, coarser_bits, sized),
+            grid(*of_level, same_level_grid, bits, True, following=True),
+        )
+        return work - find_nearest(level, options, nearest, *points, work)
+
+    parts = max(1, min(allowed_threads(), len(codes) // _LEAST_PART))
+    edges = [len(codes) * k // parts for k in range(parts + 1)]
+    work -= sum(in_threads(work_of, pairwise(edges)))
     if work >= 0:
         _write_predictors(
             options, points.positions, bias, order, part.start, retained, nearest, predictors

@@ -71,9 +71,10 @@ def recoloured(positions: NDArray[np.int32], values: Values, source: Source, mos
 
 
 def _tree(points: Floats, neighbours: int) -> tuple[KdTrees, Floats]:
-    trees, box = empty_trees(points, len(points), 2 * len(points), neighbours), np.empty(6)
-    trees.rows[:] = np.arange(len(points))
-    build(trees, 0, 0, len(points), box, _NEARLY_ONE)
+    count, box = len(points), np.empty(6)
+    trees = empty_trees(np.float64, count, neighbours)
+    trees.places[:], trees.rows[:] = points.T, np.arange(count)
+    build(trees, 0, count, box, _NEARLY_ONE)
     return trees, box
 
 
