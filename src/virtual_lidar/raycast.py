@@ -9,6 +9,7 @@ are computed again in float64.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,8 +20,6 @@ from virtual_lidar.errors.model import Hits, Surfaces
 from virtual_lidar.sweep import Rays
 from virtual_lidar.trajectory import Poses
 
-_LEAST_COSINE = 1e-9
-"""Below this cosine between ray and normal, Embree's distance is more accurate than the plane's."""
 _MOST_MIRRORS = 8
 """Limit of reflections; a path with more has no return."""
 _OFF_THE_MIRROR = 1e-4
@@ -98,11 +97,11 @@ class RayCaster:
         limits
             Least and greatest distance of a hit, m. A ray whose distance is outside has no hit.
         """
-        (yaw_sine, yaw_cosine), (z, level) = _sine_cosine(rays.yaw), _sine_cosine(rays.pitch)
-        x, y = -yaw_sine * level, yaw_cosine * level
-        turned = np.moveaxis(poses.rotations, (-2, -1), (0, 1))[..., None]
-        rows = [turn[0] * x + turn[1] * y + turn[2] * z for turn in turned]
-        directions = np.stack([row.ravel() for row in rows], axis=1)
+        from virtual_lidar.kernels import fill_directions
+
+        directions = np.empty((rays.yaw.size, 3))
+        rotations = np.ascontiguousarray(poses.rotations)
+        fill_directions(_sine_cosine(rays.yaw), _sine_cosine(rays.pitch), rotations, directions)
         starts = np.ascontiguousarray(poses.positions).reshape(-1, 3)
         hits = self.hits(directions, starts, rays.yaw.shape, limits)
         return Cast(directions, self.origin + starts, hits)
@@ -130,11 +129,16 @@ class RayCaster:
             Distances, (n,), m, with the accuracy of float32, inf for a ray that meets nothing; and
             numbers of the triangles, (n,).
         """
+        answer = self._nearest(starts, directions)
+        return answer["t_hit"].numpy().astype(np.float64), answer["primitive_ids"].numpy()
+
+    def _nearest(self, starts: Floats, directions: Floats) -> Any:
         import open3d as o3d
 
-        single = np.column_stack([starts, directions]).astype(np.float32)
-        answer = self.scene.cast_rays(o3d.core.Tensor.from_numpy(single), nthreads=self.threads)
-        return answer["t_hit"].numpy().astype(np.float64), answer["primitive_ids"].numpy()
+        single = np.empty((len(directions), 6), dtype=np.float32)
+        single.reshape(len(starts), -1, 6)[:, :, :3] = starts[:, None]
+        single[:, 3:] = directions
+        return self.scene.cast_rays(o3d.core.Tensor.from_numpy(single), nthreads=self.threads)
 
     def hits(
         self,
@@ -157,62 +161,34 @@ class RayCaster:
         limits
             Least and greatest distance of a hit, m.
         """
-        starts = np.repeat(starts, len(directions) // len(starts), axis=0)
-        nearest, triangle = self.met(starts, directions)
-        planes = self.planes.take(np.where(np.isfinite(nearest), triangle, 0), axis=0)
-        distance, cosine = plane_distances(directions, starts, nearest, planes, limits)
-        return Hits(distance, triangle, np.arccos(cosine), self.surfaces).reshaped(shape)
+        from virtual_lidar.kernels import fill_distances
 
-
-def plane_distances(
-    directions: Floats, starts: Floats, nearest: Floats, planes: Floats, limits: tuple[float, float]
-) -> tuple[Floats, Floats]:
-    """Compute exact distances along rays to the planes that the rays meet.
-
-    Parameters
-    ----------
-    directions, starts
-        Unit vectors and starting points (m) of the rays, (n, 3).
-    nearest
-        Distances of float32 accuracy, (n,), m; inf for a ray that meets nothing. They are kept for
-        rays that are nearly parallel to their planes.
-    planes
-        Unit normal and distance (m) of the plane that each ray meets, (n, 4).
-    limits
-        Least and greatest distance of a hit, m.
-
-    Returns
-    -------
-    distances, cosines
-        Distances (n,), m, inf without a hit; and cosines (n,) of the incidence angles, nan without
-        a hit.
-    """
-    cosine = dot(planes, directions)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        distance = (planes[:, 3] - dot(planes, starts)) / cosine
-    distance = np.where(np.abs(cosine) > _LEAST_COSINE, distance, nearest)
-    is_hit = np.isfinite(nearest) & (distance >= limits[0]) & (distance <= limits[1])
-    cosine = np.where(is_hit, np.minimum(np.abs(cosine), 1.0), np.nan)
-    return np.where(is_hit, distance, np.inf), cosine
-
-
-def dot(a: Floats, b: Floats) -> Floats:
-    """Return the scalar product of the first three columns in each row of two arrays, (n,)."""
-    return a[:, 0] * b[:, 0] + a[:, 1] * b[:, 1] + a[:, 2] * b[:, 2]
+        answer = self._nearest(starts, directions)
+        nearest, triangle = answer["t_hit"].numpy(), answer["primitive_ids"].numpy()
+        distance, cosine = np.empty(len(directions)), np.empty(len(directions))
+        fill_distances(directions, starts, nearest, triangle, self.planes, limits, distance, cosine)
+        incidence = np.arccos(cosine, out=cosine)
+        return Hits(distance, triangle, incidence, self.surfaces).reshaped(shape)
 
 
 def _planes_of(mesh: Mesh, origin: Floats) -> Floats:
-    a, b, c = (mesh.vertices[mesh.triangles[:, corner]] for corner in range(3))
-    normals = np.cross(b - a, c - a)
-    length = np.sqrt(dot(normals, normals))[:, None]
-    normals = np.divide(normals, length, out=normals, where=length > 0)
-    return np.column_stack([normals, dot(normals, a - origin)])
+    from virtual_lidar.kernels import fill_planes
+
+    planes = np.empty((len(mesh.triangles), 4))
+    vertices = np.ascontiguousarray(mesh.vertices, dtype=np.float64)
+    fill_planes(vertices, np.ascontiguousarray(mesh.triangles), origin, planes)
+    return planes
 
 
 def _sine_cosine(angles: Floats) -> tuple[Floats, Floats]:
-    # Each value of a broadcast array is computed once.
-    values = angles[tuple(slice(None) if stride else slice(1) for stride in angles.strides)]
+    values = distinct(angles)
     return np.sin(values), np.cos(values)
+
+
+def distinct(values: Floats) -> Floats:
+    """Return an array without the repetitions of a broadcast array: its axes have length 1."""
+    once = values[tuple(slice(None) if stride else slice(1) for stride in values.strides)]
+    return np.ascontiguousarray(once)
 
 
 @dataclass(frozen=True)

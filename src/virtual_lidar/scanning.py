@@ -1,10 +1,12 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Iterator, Sequence
+from collections import deque
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from concurrent.futures import Executor, Future, ThreadPoolExecutor
 from dataclasses import dataclass
-from functools import cached_property
-from typing import Any
+from functools import cached_property, partial
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,16 +15,20 @@ from pointkit.errors import InputError
 from pointkit.geometry.cloud import Floats
 from pointkit.geometry.mesh import Mesh, check_mesh
 from pointkit.lidar.sensor import Sensor
-from virtual_lidar.errors.model import Draws, ErrorModel
+from pointkit.threads import allowed_threads
+from virtual_lidar.errors.model import Draws, ErrorModel, Hits
 from virtual_lidar.errors.receiver import Received
 from virtual_lidar.placement import check_free, check_untouched
-from virtual_lidar.raycast import Cast, RayCaster, dot, follow_mirrors
+from virtual_lidar.raycast import Cast, RayCaster, distinct, follow_mirrors
 from virtual_lidar.scan_table import COLUMNS, ScanTable
 from virtual_lidar.sweep import Rays, Sweep
 
 Progress = Callable[[int, int], None]
 """Function that is called with the number of scanned frames and the number of all frames."""
 
+Result = TypeVar("Result")
+
+_CALLS_AHEAD = 2
 # Rays that are cast at a time: enough for the ray caster's threads, few enough to stay in cache.
 _RAYS_AT_A_TIME = 1 << 16
 # Rows of a portion of a streamed scan, and thus of a row group of its file: some 140 MB.
@@ -111,15 +117,11 @@ class ScanJob:
         scanner, rows = _Scanner(self._caster(), self.sensor, self.sweep, self.model, Draws(rng)), 0
         rays_per_frame = self.rays // self.sweep.frames
         for frames in _portions(range(self.sweep.frames), rays_in_a_portion // rays_per_frame):
-            parts = []
-            for some in _portions(frames, rays_at_a_time // rays_per_frame):
-                parts.append(scanner.returns(some))
-                if progress is not None:
-                    progress(some.stop, self.sweep.frames)
-            columns = {name: np.concatenate([part.pop(name) for part in parts]) for name in COLUMNS}
-            rows += len(columns["distance"])
-            if len(columns["distance"]):
-                yield ScanTable(columns, scanner.about)
+            blocks = _portions(frames, rays_at_a_time // rays_per_frame)
+            table = scanner.table(blocks, len(frames) * rays_per_frame, progress)
+            rows += len(table)
+            if len(table):
+                yield table
         if rows == 0:
             place = scanner.caster.origin.tolist()
             raise InputError(f"no ray returned to a sensor at {place}: is it inside the scene?")
@@ -189,6 +191,27 @@ def scan(
 
 
 @dataclass(frozen=True)
+class _CastBlock:
+    """Nominal rays of some frames, and what they and the fired rays hit."""
+
+    frames: range
+    nominal: Rays
+    truth: Cast
+    hits: Hits
+    placed: Floats
+
+
+@dataclass(frozen=True)
+class _Returns:
+    """Which rays of a block have returned, and what is measured for each ray."""
+
+    returned: NDArray[np.bool_]
+    count: int
+    distance: Floats
+    lift: Floats | None
+
+
+@dataclass(frozen=True)
 class _Scanner:
     caster: RayCaster
     sensor: Sensor
@@ -208,49 +231,72 @@ class _Scanner:
         as_read: dict[str, Any] = json.loads(json.dumps(about))
         return as_read
 
-    def returns(self, frames: range) -> dict[str, NDArray[Any]]:
+    def table(self, blocks: list[range], rays: int, progress: Progress | None) -> ScanTable:
+        """Scan the frames of successive blocks, which have at most `rays` returns.
+
+        Threads cast the rays and write the table. The error model is called here, in an order that
+        does not depend on the number of threads.
+        """
+        columns = {name: np.empty(rays, dtype=kind) for name, (kind, *_) in COLUMNS.items()}
+        rows = 0
+
+        def measured(casts: Iterator[_CastBlock]) -> Iterator[Callable[[], range]]:
+            nonlocal rows
+            for block in casts:
+                returns, first = self._measured(block), rows
+                rows += returns.count
+                end = {name: column[first:rows] for name, column in columns.items()}
+                yield partial(self._write, block, returns, tuple(end.values()))
+
+        with ThreadPoolExecutor(self.caster.threads or allowed_threads()) as pool:
+            casts = _called_ahead(pool, map(self._fired, blocks))
+            for frames in _called_ahead(pool, measured(casts)):
+                if progress is not None:
+                    progress(frames.stop, self.sweep.frames)
+        return ScanTable({name: column[:rows] for name, column in columns.items()}, self.about)
+
+    def _fired(self, frames: range) -> Callable[[], _CastBlock]:
         nominal = self.sweep.rays(self.sensor, frames)
         fired = self.model.perturb_rays(nominal, self.sensor, self.draws)
-        truth = self._cast(nominal, frames)
-        measured = truth if fired is nominal else self._cast(fired, frames)
+        return partial(self._cast, frames, nominal, fired)
+
+    def _cast(self, frames: range, nominal: Rays, fired: Rays) -> _CastBlock:
+        poses = self.sweep.poses(self.sensor, frames)
+        truth = self.caster.cast(nominal, poses, self._limits)
+        measured = truth if fired is nominal else self.caster.cast(fired, poses, self._limits)
         if self.mirrors is not None:
             measured = follow_mirrors(self.caster, measured, self.mirrors, self._limits[1])
-        hits = self.model.merge_hits(measured.hits, self.sensor)
+        placed = measured.directions if fired.placed_as_fired else truth.directions
+        return _CastBlock(frames, nominal, truth, measured.hits, placed)
+
+    def _measured(self, block: _CastBlock) -> _Returns:
+        hits = self.model.merge_hits(block.hits, self.sensor)
         distance = self.model.perturb_ranges(hits, self.sensor, self.draws)
         lift = self.model.lift_points(hits, self.sensor, self.draws)
-        returned = np.isfinite(distance) & np.isfinite(truth.hits.distance)
-        rays, (_, steps, lasers) = np.flatnonzero(returned), returned.shape
-        placed = (measured if fired.placed_as_fired else truth).directions.take(rays, axis=0)
-        triangles, directions = truth.hits.triangle.take(rays), truth.directions.take(rays, axis=0)
-        origins = truth.origins.take(rays // lasers, axis=0)
-        normals = self.caster.planes.take(triangles, axis=0)[:, :3]
-        normals *= np.where(dot(normals, directions) > 0, -1.0, 1.0)[:, None]
-        true, noisy = truth.hits.distance.take(rays), distance.take(rays)
-        points = origins + noisy[:, None] * placed
-        if lift is not None:
-            points += lift.take(rays)[:, None] * normals
-            away = points - origins
-            noisy = np.sqrt(dot(away, away))
-        values = {
-            "timestamp": self.sweep.firing_times(self.sensor, frames).take(rays),
-            "frame": frames.start + rays // (steps * lasers),
-            "laser_id": rays % lasers,
-            "yaw": nominal.yaw.take(rays),
-            "pitch": nominal.pitch.take(rays),
-            "distance": true,
-            "distance_noisy": noisy,
-            **dict(zip("xyz", (origins + true[:, None] * directions).T, strict=True)),
-            **dict(zip(("x_noisy", "y_noisy", "z_noisy"), points.T, strict=True)),
-            "incidence": truth.hits.incidence.take(rays),
-            "object_id": self.caster.object_id.take(triangles),
-            "primitive_id": self.caster.primitive_id.take(triangles),
-            "triangle_id": triangles,
-            **dict(zip(("nx", "ny", "nz"), normals.T, strict=True)),
-        }
-        return {name: values[name].astype(kind, copy=False) for name, (kind, *_) in COLUMNS.items()}
+        returned = np.isfinite(distance) & np.isfinite(block.truth.hits.distance)
+        return _Returns(returned, np.count_nonzero(returned), distance, lift)
 
-    def _cast(self, rays: Rays, frames: range) -> Cast:
-        return self.caster.cast(rays, self.sweep.poses(self.sensor, frames), self._limits)
+    def _write(
+        self, block: _CastBlock, returns: _Returns, columns: tuple[NDArray[Any], ...]
+    ) -> range:
+        from virtual_lidar.kernels import MeasuredRays, TrueRays, fill_returns
+
+        hits, nominal = block.truth.hits, block.nominal
+        true = TrueRays(
+            distinct(self.sweep.firing_times(self.sensor, block.frames)),
+            distinct(nominal.yaw),
+            distinct(nominal.pitch),
+            block.truth.origins,
+            block.truth.directions,
+            hits.distance.ravel(),
+            hits.triangle.ravel(),
+            hits.incidence.ravel(),
+        )
+        lifts = () if returns.lift is None else returns.lift
+        measured = MeasuredRays(block.placed, *map(_flat, (returns.distance, lifts)))
+        surface = self.caster.planes, self.caster.object_id, self.caster.primitive_id
+        fill_returns(returns.returned, block.frames.start, true, measured, surface, columns)
+        return block.frames
 
     @cached_property
     def mirrors(self) -> NDArray[np.bool_] | None:
@@ -271,6 +317,21 @@ def _checked_origin(origin: Floats | Sequence[float]) -> Floats:
     if place.shape != (3,) or not np.isfinite(place).all():
         raise InputError(f"the sensor's origin is {origin}, but must be three finite numbers")
     return place
+
+
+def _flat(values: Any) -> Floats:
+    return np.ravel(np.asarray(values, dtype=np.float64))
+
+
+def _called_ahead(pool: Executor, calls: Iterable[Callable[[], Result]]) -> Iterator[Result]:
+    """Make calls in the threads of a pool, a few at once, and yield their results in order."""
+    begun: deque[Future[Result]] = deque()
+    for call in calls:
+        begun.append(pool.submit(call))
+        if len(begun) > _CALLS_AHEAD:
+            yield begun.popleft().result()
+    while begun:
+        yield begun.popleft().result()
 
 
 def _portions(frames: range, at_a_time: int) -> list[range]:

@@ -77,22 +77,8 @@ def echoes(apart: Floats, gap: float, choice: Echo) -> tuple[Floats, NDArray[np.
         Mean distance of each chosen echo, (beams,), m, inf for a beam without a hit; and the index
         of the ray of this echo whose distance is nearest to the mean, (beams,).
     """
-    order = np.argsort(apart, axis=1, kind="stable")
-    reach = np.take_along_axis(apart, order, axis=1)
-    beams, is_hit = np.arange(len(apart)), np.isfinite(reach)
-    with np.errstate(invalid="ignore"):
-        is_new = np.diff(reach, axis=1, prepend=reach[:, :1]) > (
-            np.inf if choice == "mean" else gap
-        )
-    echo = np.cumsum(is_new & is_hit, axis=1)
-    place = beams[:, None] * apart.shape[1] + echo
-    counts, totals = (
-        np.bincount(place[is_hit], weights, apart.size).reshape(apart.shape)
-        for weights in (None, reach[is_hit])
-    )
-    chosen = {"strongest": counts.argmax(axis=1), "last": echo[:, -1]}.get(choice, 0 * beams)
-    with np.errstate(invalid="ignore"):
-        distance = totals[beams, chosen] / counts[beams, chosen]
-        off = np.abs(reach - distance[:, None])
-    off[~is_hit | (echo != chosen[:, None])] = np.inf
-    return np.where(is_hit[:, 0], distance, np.inf), order[beams, off.argmin(axis=1)]
+    from virtual_lidar.kernels import ECHOES, fill_echoes
+
+    distances, nearest = np.empty(len(apart)), np.empty(len(apart), dtype=np.intp)
+    fill_echoes(apart, gap, ECHOES.index(choice), distances, nearest)
+    return distances, nearest
