@@ -28,6 +28,7 @@ Progress = Callable[[int, int], None]
 
 Result = TypeVar("Result")
 
+# Calls that wait for a thread or for the error model: so few take little memory.
 _CALLS_AHEAD = 2
 # Rays that are cast at a time: enough for the ray caster's threads, few enough to stay in cache.
 _RAYS_AT_A_TIME = 1 << 16
@@ -50,7 +51,8 @@ class ScanJob:
         the sensor starts outside of the scene or inside an object, or if it moves through a
         surface.
     threads
-        Number of threads that cast rays; 0 means one per processor.
+        Number of threads that cast rays and write the table; 0 means one per processor. It changes
+        speed, not the result.
     """
 
     mesh: Mesh

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
 from pointkit.geometry.cloud import Floats
 from pointkit.geometry.mesh import Mesh
@@ -9,7 +10,8 @@ from pointkit.lidar.sensors import load_sensor
 from tests.support.sensor_scenes import room
 from virtual_lidar import open_error_model, open_sweep, scan
 from virtual_lidar.errors.beam_footprint import Echo, echoes
-from virtual_lidar.raycast import RayCaster, plane_distances
+from virtual_lidar.kernels import fill_distances
+from virtual_lidar.raycast import RayCaster
 from virtual_lidar.sweep import Rays
 from virtual_lidar.trajectory import Poses
 
@@ -53,11 +55,23 @@ def test_directions_are_those_of_yaw_and_pitch_turned_with_the_sensor() -> None:
     np.testing.assert_allclose(directions, expected, atol=1e-12)
 
 
+def plane_distances(
+    directions: Floats,
+    starts: Floats,
+    nearest: Floats,
+    triangles: NDArray[np.int64],
+    planes: Floats,
+    limits: tuple[float, float] = (-3.0, 20.0),
+) -> tuple[Floats, Floats]:
+    distances, cosines = np.empty((2, len(directions)))
+    found = nearest.astype(np.float32), triangles.astype(np.uint32)
+    fill_distances(directions, starts, *found, planes, limits, distances, cosines)
+    return distances, cosines
+
+
 def test_distances_are_those_along_rays_to_planes() -> None:
     nearest = np.where(np.arange(RAYS) % 4, 1.0, np.inf)
-    distances, cosines = plane_distances(
-        DIRECTIONS, STARTS, nearest, PLANES[TRIANGLES], (-3.0, 20.0)
-    )
+    distances, cosines = plane_distances(DIRECTIONS, STARTS, nearest, TRIANGLES, PLANES)
     normals = NORMALS[TRIANGLES]
     cosine = (normals * DIRECTIONS).sum(axis=1)
     expected = (AWAY[TRIANGLES] - (normals * STARTS).sum(axis=1)) / cosine
@@ -88,7 +102,8 @@ def distance_to(
     """Distance and cosine of a ray to a plane at a distance, of which Embree says 2.5."""
     directions = np.array([[np.sqrt(1 - cosine**2), 0, cosine]])
     planes, nearest = np.array([[0.0, 0, 1, distance * cosine]]), np.array([2.5])
-    result, cosines = plane_distances(directions, np.zeros((1, 3)), nearest, planes, limits)
+    first = np.zeros(1, dtype=np.int64)
+    result, cosines = plane_distances(directions, np.zeros((1, 3)), nearest, first, planes, limits)
     return result[0], cosines[0]
 
 

@@ -139,9 +139,9 @@ class ErrorModel(Model):
     The fields of a subclass are its parameters; the name of a field ends with its unit. A subclass
     overrides one or more of the methods below, which by default leave rays, distances and points as
     they are. A scan calls the methods in the order `perturb_rays`, `merge_hits`, `perturb_ranges`,
-    `lift_points`, for a few frames at a time. The methods must keep nothing from one call to the
-    next. They must draw random numbers for every ray, whether it hits or not, so that no ray
-    affects another.
+    `lift_points`, for a few frames at a time; it may call `perturb_rays` for the next frames
+    earlier. The methods must keep nothing from one call to the next. They must draw random numbers
+    for every ray, whether it hits or not, so that no ray affects another.
     """
 
     model_config = ConfigDict(use_attribute_docstrings=True)
