@@ -211,7 +211,7 @@ def _part(trees: KdTrees, axis: int, parts: Place, cut: Any, equal: bool) -> Non
 
 @inlined
 def _first_bit(mask: int) -> int:
-    return 63 - leading_zeros(mask & -mask)
+    return int(63 - leading_zeros(mask & -mask))
 
 
 @inlined

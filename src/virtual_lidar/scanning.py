@@ -276,7 +276,7 @@ class _Scanner:
         distance = self.model.perturb_ranges(hits, self.sensor, self.draws)
         lift = self.model.lift_points(hits, self.sensor, self.draws)
         returned = np.isfinite(distance) & np.isfinite(block.truth.hits.distance)
-        return _Returns(returned, np.count_nonzero(returned), distance, lift)
+        return _Returns(returned, int(returned.sum()), distance, lift)
 
     def _write(
         self, block: _CastBlock, returns: _Returns, columns: tuple[NDArray[Any], ...]
