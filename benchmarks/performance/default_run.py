@@ -25,7 +25,7 @@ from puckbench.steps.cost import read_costs
 
 ROOT = Path(__file__).parents[2]
 CORES = 2
-SMALL = "results/clouds/objects/chair_01.ply"
+SMALL = "results/clouds/objects/chair_02.ply"
 
 
 def main() -> None:

@@ -34,11 +34,11 @@ STARTED: dict[str, tuple[str, ...]] = {
         *("--points", "1000"),
     ),
     "performance.gpcc": ("{tmc3}", "--repeats", "1", "--step", "8", "--modes", "angular"),
-    "performance.default_run": ("{cloud}",),
+    "performance.default_run": ("results/clouds/objects/chair_02.ply",),
     "performance.measure": (
         *("--trial", "--results", "{folder}/measured.json", "--recordings", "{capture}"),
         *("--tmc3", "{tmc3}", "--pc-error", "{pc_error}"),
-        *("scans", "puck", "gpcc", "codecs", "planning", "metrics"),
+        *("scans", "puck", "gpcc", "codecs", "metrics"),
     ),
     "performance.planning": ("{small}",),
     "performance.puck": ("{capture}", "--repeats", "0"),
