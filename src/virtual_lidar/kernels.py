@@ -20,12 +20,12 @@ ECHOES = ("first", "strongest", "last", "mean")
 
 
 @inlined
-def _dot(a: Floats, b: Floats) -> float:
+def _dot(a: Floats, b: Floats) -> Any:
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 
 
 @inlined
-def _value(values: Floats, frame: int, step: int, ray: int) -> float:
+def _value(values: Floats, frame: int, step: int, ray: int) -> Any:
     frames, steps, rays = values.shape
     return values[min(frame, frames - 1), min(step, steps - 1), min(ray, rays - 1)]
 
