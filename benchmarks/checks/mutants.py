@@ -58,6 +58,7 @@ TESTS = {
     "virtual_lidar/errors": "errors closed_forms calibrated",
     "virtual_lidar/errors/beam_footprint": "footprint rays",
     "virtual_lidar/errors/model": "errors receiver mirrors",
+    "virtual_lidar/kernels": "rays scan footprint",
     "virtual_lidar/placement": "origin placement",
     "virtual_lidar/raycast": "rays scan trajectory",
     "virtual_lidar/scan": "scan trajectory mirrors",

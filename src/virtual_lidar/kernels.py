@@ -20,14 +20,14 @@ ECHOES = ("first", "strongest", "last", "mean")
 
 
 @inlined
-def _dot(a: Floats, b: Floats) -> float:
-    return float(a[0] * b[0] + a[1] * b[1] + a[2] * b[2])
+def _dot(a: Floats, b: Floats) -> Any:
+    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 
 
 @inlined
-def _value(values: Floats, frame: int, step: int, ray: int) -> float:
+def _value(values: Floats, frame: int, step: int, ray: int) -> Any:
     frames, steps, rays = values.shape
-    return float(values[min(frame, frames - 1), min(step, steps - 1), min(ray, rays - 1)])
+    return values[min(frame, frames - 1), min(step, steps - 1), min(ray, rays - 1)]
 
 
 @compiled

@@ -247,8 +247,8 @@ class _Scanner:
             for block in casts:
                 returns, first = self._measured(block), rows
                 rows += returns.count
-                end = {name: column[first:rows] for name, column in columns.items()}
-                yield partial(self._write, block, returns, tuple(end.values()))
+                part = tuple(column[first:rows] for column in columns.values())
+                yield partial(self._write, block, returns, part)
 
         with ThreadPoolExecutor(self.caster.threads or allowed_threads()) as pool:
             casts = _called_ahead(pool, map(self._fired, blocks))
@@ -276,7 +276,7 @@ class _Scanner:
         distance = self.model.perturb_ranges(hits, self.sensor, self.draws)
         lift = self.model.lift_points(hits, self.sensor, self.draws)
         returned = np.isfinite(distance) & np.isfinite(block.truth.hits.distance)
-        return _Returns(returned, int(returned.sum()), distance, lift)
+        return _Returns(returned, int(np.count_nonzero(returned)), distance, lift)
 
     def _write(
         self, block: _CastBlock, returns: _Returns, columns: tuple[NDArray[Any], ...]
