@@ -23,6 +23,7 @@ Place = tuple[Any, Any, Any]
 
 _LEAF = 10
 _BLOCK = 32
+"""Number of rows in a mask of rows to exchange."""
 _DEEPEST = 1024
 """Maximum depth of a tree. Each split halves the points or their bounding box."""
 
@@ -211,7 +212,8 @@ def _part(trees: KdTrees, axis: int, parts: Place, cut: Any, equal: bool) -> Non
 
 @inlined
 def _first_bit(mask: int) -> int:
-    return int(63 - leading_zeros(mask & -mask))
+    bit: int = 63 - leading_zeros(mask & -mask)
+    return bit
 
 
 @inlined
