@@ -42,6 +42,7 @@ SUBJECTS = {
     "gpcc": ("G-PCC", "performance.gpcc:measure"),
     "attributes": ("G-PCC with reflectances", "performance.gpcc:measure_attributes"),
     "codecs": ("Codecs of rooms and objects", "performance.codecs:measure"),
+    "scale": ("Large input", "performance.scale:measure"),
     "metrics": ("Metrics", "checks.metrics_vs_pc_error:measure"),
 }
 """Title of each subject and the function that yields its rows, by name."""

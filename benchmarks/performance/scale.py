@@ -21,13 +21,14 @@ import sys
 import tempfile
 import time
 from collections import defaultdict
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
+from benchmarks.performance.rows import Inputs, Row
 from benchmarks.turns import virtual_scan
 
 from cloud_files.ply import write_ply
@@ -123,6 +124,27 @@ def run(source: Path, out: Path, words: Sequence[str] = ()) -> Cost:
             raise SystemExit(text.read()[-2000:])
     wall_s = time.perf_counter() - start
     return Cost(wall_s, processor_s, largest_kib / 1024, together_kib / 1024)
+
+
+def measure(inputs: Inputs) -> Iterator[Row]:
+    """Large input through `draco` at one rate, which shows what the benchmark itself takes."""
+    sizes = argparse.Namespace(points=20_000_000, megabytes=1000.0, clouds=300)
+    if inputs.is_trial:
+        sizes = argparse.Namespace(points=2000, megabytes=0.1, clouds=2)
+    titles = {
+        "cloud": f"{sizes.points:,} points",
+        "recording": f"a recording of {sizes.megabytes:,.0f} MB",
+        "folder": f"{sizes.clouds} clouds of 10,000 points",
+    }
+    with tempfile.TemporaryDirectory() as folder:
+        for name, (file, write) in INPUTS.items():
+            write(Path(folder, file), sizes)
+            words = ["--codecs", "draco", "--rates", *(["10mm"] if name == "recording" else ["r2"])]
+            cost = run(Path(folder, file), Path(folder, f"out_{name}"), words)
+            yield Row(f"run on {titles[name]}", cost.wall_s, "s")
+            yield Row(f"run on {titles[name]}: all processes", cost.processor_s, "processor s")
+            yield Row(f"run on {titles[name]}: largest process", cost.largest_mib, "MiB")
+            yield Row(f"run on {titles[name]}: all processes together", cost.together_mib, "MiB")
 
 
 def _resident_kib() -> int:
