@@ -12,7 +12,7 @@ from pointkit.compiling import compiled
 
 Words, Floats = NDArray[np.int32], NDArray[np.float32]
 LOOPS = {name: compiled(getattr(intrinsics, f"{name}_loop")) for name in (
-    "add_scaled", "decay_and_add", "add_products")}  # fmt: skip
+    "add_scaled", "decay_and_add", "add_products", "copy_floats", "add_floats")}  # fmt: skip
 
 
 def _words(count: int, seed: int) -> Words:
@@ -167,3 +167,21 @@ def test_loops_stand_in_for_vector_code_that_cannot_be_written(
     compiled(multiply)(sums, *operands)
     LOOPS["add_products"](by_loop, *operands, 0, 10, 3)
     np.testing.assert_array_equal(sums, by_loop)
+
+
+@pytest.mark.parametrize("width", [1, 4, 7, 32, 33, 64])
+@pytest.mark.parametrize("is_sum", [False, True])
+def test_floats_are_copied_and_added(width: int, is_sum: bool) -> None:
+    move = intrinsics.add_floats if is_sum else intrinsics.copy_floats
+
+    def moved(onto: Floats, source: Floats) -> None:
+        move(onto, 3, source, 2, width)
+
+    random = np.random.default_rng(7)
+    before, source = (random.normal(size=70).astype(np.float32) for _ in range(2))
+    expected, onto, by_loop = before.copy(), before.copy(), before.copy()
+    expected[3 : 3 + width] = source[2 : 2 + width] + (before[3 : 3 + width] if is_sum else 0)
+    compiled(moved)(onto, source)
+    LOOPS["add_floats" if is_sum else "copy_floats"](by_loop, 3, source, 2, width)
+    np.testing.assert_array_equal(onto, expected)
+    np.testing.assert_array_equal(by_loop, expected)

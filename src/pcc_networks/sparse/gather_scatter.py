@@ -22,6 +22,7 @@ from torch import Tensor
 
 from pcc_networks.sparse.thread_pool import Scratch
 from pcc_networks.sparse.voxels import CENTRE, OFFSETS
+from pointkit.coding.intrinsics import add_floats, copy_floats
 from pointkit.compiling import compiled
 
 
@@ -279,11 +280,10 @@ def _mover(width: int, is_gather: bool) -> Callable[..., None]:
                 start = row_stride * (rows[pair] - first_row)
                 for j in range(child_counts[offset]):
                     place = start + children[offset, j] * child_stride
-                    for k in range(width):
-                        if is_gather:
-                            packed[np.uint64(at + k)] = features[np.uint64(place + k)]
-                        else:
-                            features[np.uint64(place + k)] += packed[np.uint64(at + k)]
+                    if is_gather:
+                        copy_floats(packed, at, features, place, width)
+                    else:
+                        add_floats(features, place, packed, at, width)
                     at += width
 
     return move

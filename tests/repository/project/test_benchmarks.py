@@ -43,7 +43,7 @@ STARTED: dict[str, tuple[str, ...]] = {
     "performance.planning": ("{small}",),
     "performance.puck": ("{capture}", "--repeats", "0"),
     "performance.scale": (
-        *("--points", "2000", "--megabytes", "0.1", "--clouds", "2"),
+        *("recording", "folder", "--points", "2000", "--megabytes", "0.1", "--clouds", "1"),
         *("--run", "--codecs", "draco", "--cores", "2"),
     ),
     "performance.scan_speed": ("--errors", "none", "--repeats", "1", "--step", "8"),
