@@ -37,8 +37,9 @@ INLINED: Any = {
     "no_cfunc_wrapper": True,
     "no_cpython_wrapper": True,
     "forceinline": True,
+    "cache": False,
 }
-"""Options for functions that are compiled only as parts of compiled callers."""
+"""Options for functions that are compiled only as parts of compiled callers, and cached there."""
 
 _SECONDS_UNTIL_NOTICE = 3.0
 _COMPILING = "compiling loops for this machine, once: this takes up to two minutes"
@@ -109,7 +110,7 @@ def compiled(function: Function, **options: Any) -> Function:
         The compiled function.
     """
     _config.CACHE_LOCATOR_CLASSES = _LOCATORS
-    return cast(Function, numba.njit(cache=True, nogil=True, **options)(function))
+    return cast(Function, numba.njit(**{"cache": True, "nogil": True, **options})(function))
 
 
 def compiled_in_place(function: Function, **options: Any) -> Function:

@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import argparse
+import gc
 import logging
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -40,6 +43,22 @@ def _integer(text: str) -> int:
     return int(text)
 
 
+@contextmanager
+def _starting_fast() -> Iterator[None]:
+    """Switch off Python's search for unreachable objects, which takes a tenth of a short run.
+
+    There are none while packages are imported and turns are coded.
+    """
+    was_enabled = gc.isenabled()
+    gc.disable()
+    try:
+        yield
+    finally:
+        if was_enabled:
+            gc.enable()
+
+
+@_starting_fast()
 def run_compress(options: argparse.Namespace) -> dict[str, Any]:
     """Compress the recording that the parsed arguments `options` name.
 
@@ -63,6 +82,7 @@ def run_compress(options: argparse.Namespace) -> dict[str, Any]:
     return summary.as_json()
 
 
+@_starting_fast()
 def run_decompress(options: argparse.Namespace) -> dict[str, Any]:
     """Restore the recording that the parsed arguments `options` name.
 
