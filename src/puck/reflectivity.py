@@ -185,8 +185,13 @@ def _code_byte(
 @inlined
 def _code_lean(mixer: Mixer, value: int) -> int:
     node = 1
-    for depth in range(7, -1, -1):
+    for depth in range(7, 3, -1):
         node = 2 * node + code_bit(mixer, value >> depth & 1, node, node)
+    # The counters of the low bits lie side by side, in one or two lines of the cache.
+    first, below = 15 * node - 225, 1
+    for depth in range(3, -1, -1):
+        bit = code_bit(mixer, value >> depth & 1, first + below, node)
+        node, below = 2 * node + bit, 2 * below + bit
     return node - 256
 
 

@@ -442,12 +442,16 @@ def _code_all_reflectivities(
 
 def padded(values: Values) -> Words:
     """Return values (rows, ...) as 32-bit integers, after PAD additional rows of zeros."""
-    return np.pad(values.astype(np.int32, "C"), ((PAD, 0), (0, 0)))
+    rows = np.zeros((PAD + len(values), *values.shape[1:]), np.int32)
+    rows[PAD:] = values
+    return rows
 
 
 def extended(values: Words) -> Words:
     """Return values (rows, ...) with PAD additional rows of zeros at the end."""
-    return np.pad(values, ((0, PAD), (0, 0)))
+    rows = np.zeros((len(values) + PAD, *values.shape[1:]), np.int32)
+    rows[: len(values)] = values
+    return rows
 
 
 def nearest_columns(azimuths: Ints, previous: Ints | None, layout: Layout) -> Ints:
