@@ -20,6 +20,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
@@ -120,8 +121,8 @@ def ten_in_one(paths: list[Path], repeats: int) -> None:
         one.write_bytes(raw)
         for effort in EFFORTS:
             options = CodingOptions(effort=effort)
-            encoding = least_seconds(lambda o=options: compress(one, small, o), repeats)  # type: ignore[misc]
-            decoding = least_seconds(lambda: decompress(small, restored), repeats)
+            encoding = least_seconds(partial(compress, one, small, options), repeats)
+            decoding = least_seconds(partial(decompress, small, restored), repeats)
             assert restored.read_bytes() == raw
             print(
                 f"{effort:9} compress {encoding / whole:.3f}, decompress {decoding / whole:.3f} of"
