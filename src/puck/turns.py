@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
-from typing import Any, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,7 +27,6 @@ from pointkit.lidar.turns import (
     check_turn,
     has_wide_ranges,
 )
-from puck.channels import ChannelModel
 from puck.options import EFFORTS, MAX_STEP, CodingOptions
 from puck.quick_images import ImageCoder, ImageJob
 from puck.ranges import MODEL_SIZES, PAD, RangeContext, RangeModel, code_ranges, new_range_model
@@ -39,6 +38,9 @@ from puck.reflectivity import (
 )
 from puck.second_returns import SecondReturnModel, code_second_returns, new_second_return_model
 from puck.sequences import SequenceModel, code_sequence, new_sequence_model
+
+if TYPE_CHECKING:
+    from puck.channels import ChannelModel
 
 _KEY, _TIMES, _REFLECTIVITIES = 1, 2, 4
 _EFFORT = 3
@@ -60,7 +62,7 @@ _BYTES_PER_DECISION = 2
 
 Values = Ranges | NDArray[np.uint8] | Words
 _Model = TypeVar(
-    "_Model", RangeModel, SecondReturnModel, SequenceModel, ReflectivityModel, ChannelModel
+    "_Model", RangeModel, SecondReturnModel, SequenceModel, ReflectivityModel, "ChannelModel"
 )
 
 

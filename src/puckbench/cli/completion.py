@@ -20,7 +20,8 @@ def run(options: argparse.Namespace) -> str:
     from puckbench.cli import parser_of
     from puckbench.cli.registry import help_texts
 
-    parser = parser_of(help_texts(), _CompletedParser)
+    texts = help_texts()
+    parser = parser_of(texts, texts, _CompletedParser)
     return str(shtab.complete(parser, options.shell)).rstrip()
 
 
