@@ -157,7 +157,9 @@ def _code_value(
     centre = (mean + FINE // 2) // FINE
     value = int(values[c, laser])
     _write_contexts(model, image, before, c, laser, t, base, shift, mean, level, unit)
-    value = code_number(model.value, model.experts, value, centre, unit, 1, model.farthest)
+    value = code_number(
+        model.value, model.experts, value, centre, unit, 1, model.farthest, max(unit >> 1, 1)
+    )
     learn(model.experts, level, FINE * value, 6)
     value = min(max(value, 1), model.farthest)
     values[c, laser] = value

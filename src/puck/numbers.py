@@ -2,7 +2,7 @@
 
 The first decision says on which side of the centre the number is. The next decisions compare it
 with thresholds at growing distances from the centre. Finally, the interval between the last two
-thresholds is halved repeatedly.
+thresholds is halved repeatedly, until its numbers are taken for equally likely.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ _LATER_HALVINGS = 62
 @inlined
 def code_number(
     mixer: Mixer, experts: Experts, number: int, centre: int, unit: int, step: int, farthest: int,
-    start: int = 0,
+    smooth: int, start: int = 0,
 ) -> int:  # fmt: skip
     """Encode or decode a number from 0 to (farthest + step) // step, and return the number.
 
@@ -50,6 +50,8 @@ def code_number(
         Distance of the first threshold from the centre.
     step, farthest
         Quantisation step, and largest value before quantisation.
+    smooth
+        Largest interval whose numbers are coded as equally likely; 1 for none.
     start
         Without experts, each kind of decision has an adaptive counter of the mixer instead, from
         index `start` on.
@@ -72,18 +74,12 @@ def code_number(
         if bit != side:
             break
     node = 1 + (2 + side) * _STEPS + min(steps - 1, _STEPS - 1)
-    if is_unmixed:
-        if high - low > 1:
-            middle = (low + high) >> 1
-            bit = _decide(mixer, experts, is_unmixed, start, number, middle, node, step)
-            low, high = (middle, high) if bit == 1 else (low, middle)
-        return low + code_uniform(mixer.bits, number - low, high - low) if high - low > 1 else low
-    while high - low > 1:
+    while high - low > smooth:
         middle = (low + high) >> 1
         bit = _decide(mixer, experts, is_unmixed, start, number, middle, node, step)
         low, high = (middle, high) if bit == 1 else (low, middle)
         node = _LATER_HALVINGS
-    return low
+    return low + code_uniform(mixer.bits, number - low, high - low) if high - low > 1 else low
 
 
 @inlined
