@@ -2,7 +2,7 @@
 
 The first decision says on which side of the centre the number is. The next decisions compare it
 with thresholds at growing distances from the centre. Finally, the interval between the last two
-thresholds is halved repeatedly, until its numbers are taken for equally likely.
+thresholds is halved repeatedly. The numbers of a small interval are taken for equally likely.
 """
 
 from __future__ import annotations
@@ -51,10 +51,11 @@ def code_number(
     step, farthest
         Quantisation step, and largest value before quantisation.
     smooth
-        Largest interval whose numbers are coded as equally likely; 1 for none.
+        Largest interval that is halved only once more, by an adaptive counter, and whose halves
+        have numbers that are equally likely; 1 for none.
     start
-        Without experts, each kind of decision has an adaptive counter of the mixer instead, from
-        index `start` on.
+        Index of the first of `NODES` counters of the mixer, one for each kind of decision. They
+        replace the mixture in the last halving and, without experts, in all decisions.
     """
     is_unmixed = len(experts.every) == 0  # a constant: the compiler removes the other branch
     low, high = 0, in_steps(farthest, step) + 2
@@ -79,6 +80,10 @@ def code_number(
         bit = _decide(mixer, experts, is_unmixed, start, number, middle, node, step)
         low, high = (middle, high) if bit == 1 else (low, middle)
         node = _LATER_HALVINGS
+    if high - low > 1:
+        middle = (low + high) >> 1
+        bit = code_unmixed_bit(mixer, start + node, int(number >= middle))
+        low, high = (middle, high) if bit == 1 else (low, middle)
     return low + code_uniform(mixer.bits, number - low, high - low) if high - low > 1 else low
 
 

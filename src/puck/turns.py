@@ -18,6 +18,7 @@ from pointkit.coding.byte_io import Reader, base_128
 from pointkit.coding.context_mixing import Ints, Mixer, Words
 from pointkit.errors import InputError
 from pointkit.lidar.turns import (
+    CENTIDEGREES,
     MAX_RANGE,
     Layout,
     Ranges,
@@ -27,7 +28,7 @@ from pointkit.lidar.turns import (
     check_turn,
     has_wide_ranges,
 )
-from puck.channels import ChannelModel
+from puck.channels import ChannelContext, ChannelModel, code_channel, new_channel_model
 from puck.options import EFFORTS, MAX_STEP, CodingOptions
 from puck.quick_images import ImageCoder, ImageJob
 from puck.ranges import MODEL_SIZES, PAD, RangeContext, RangeModel, code_ranges, new_range_model
@@ -76,6 +77,7 @@ class _State:
     second: SecondReturnModel
     times: SequenceModel
     reflectivities: list[ReflectivityModel]
+    shades: ChannelModel | None = None  # of an Ouster's reflectivities
     images: ImageCoder = field(default_factory=ImageCoder)
     previous: _CodedTurn | None = None
 
@@ -91,7 +93,7 @@ class _CodedTurn:
     strongest: RangeContext
     ranges: list[Words]
     reflectivities: list[Words] = field(default_factory=list)
-    held: list[Words] = field(default_factory=list)
+    held: list[Words] = field(default_factory=list)  # of an Ouster, prediction errors
 
 
 def _new_state(
@@ -314,7 +316,10 @@ def _code_turn(
         times = numbers.astype(np.uint32)
     if flags & _REFLECTIVITIES and turn.reflectivities is not None and not state.is_quick:
         lean = bool(flags & _LEAN)
-        _code_all_reflectivities(state, coded, nearest, turn.reflectivities, parts, lean=lean)
+        if EFFORTS[state.effort] == "normal" and _is_one_image(state.layout):
+            _code_shades(state, coded, nearest, turn.reflectivities[0], parts)
+        else:
+            _code_all_reflectivities(state, coded, nearest, turn.reflectivities, parts, lean=lean)
     state.previous = coded
     return coded, times
 
@@ -436,6 +441,36 @@ def _code_all_reflectivities(
         )  # fmt: skip
         coded.reflectivities.append(kind_values)
         coded.held.append(held)
+
+
+def _is_one_image(layout: Layout) -> bool:
+    """Return whether columns have azimuths of a fixed grid, as an Ouster's, and one return."""
+    return layout.azimuth_steps != CENTIDEGREES and layout.kinds == 1
+
+
+def _code_shades(
+    state: _State, coded: _CodedTurn, nearest: Ints, values: Values, parts: Parts
+) -> None:
+    """Code an Ouster's reflectivities like its other images, which takes half the time."""
+    lasers, shades, ranges = state.layout.lasers, padded(values), coded.ranges[0]
+    errors, none = np.zeros_like(shades), np.zeros((1, lasers), np.int32)
+    before, previous = ChannelContext(*[none] * 5), state.previous
+    if previous is not None and previous.reflectivities:
+        shades[:PAD], errors[:PAD] = previous.reflectivities[0][-PAD:], previous.held[0][-PAD:]
+        before = before._replace(
+            values=extended(previous.reflectivities[0]), errors=extended(previous.held[0])
+        )
+    else:
+        nearest = np.zeros_like(nearest)
+    model = state.shades or new_channel_model(
+        bit_writer(0), lasers, EFFORTS[state.effort], 0xFF, has_signals=False
+    )
+    context = ChannelContext(shades, errors, np.zeros_like(shades), ranges, shades)
+    state.shades = _code_part(
+        parts, model, _DECISIONS * shades.size, code_channel, context, before, nearest
+    )
+    coded.reflectivities.append(shades)
+    coded.held.append(errors)
 
 
 def padded(values: Values) -> Words:
