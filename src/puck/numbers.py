@@ -32,7 +32,7 @@ _LATER_HALVINGS = 62
 @inlined
 def code_number(
     mixer: Mixer, experts: Experts, number: int, centre: int, unit: int, step: int, farthest: int,
-    smooth: int, start: int = 0,
+    smooth: int, start: int = -1,
 ) -> int:  # fmt: skip
     """Encode or decode a number from 0 to (farthest + step) // step, and return the number.
 
@@ -51,11 +51,11 @@ def code_number(
     step, farthest
         Quantisation step, and largest value before quantisation.
     smooth
-        Largest interval that is halved only once more, by an adaptive counter, and whose halves
-        have numbers that are equally likely; 1 for none.
+        Largest interval whose numbers are coded as equally likely; 1 for none. With `start`, it is
+        halved once more before, by an adaptive counter.
     start
-        Index of the first of `NODES` counters of the mixer, one for each kind of decision. They
-        replace the mixture in the last halving and, without experts, in all decisions.
+        Index of the first of `NODES` counters of the mixer, one for each kind of decision, or -1.
+        They replace the mixture in the last halving and, without experts, in all decisions.
     """
     is_unmixed = len(experts.every) == 0  # a constant: the compiler removes the other branch
     low, high = 0, in_steps(farthest, step) + 2
@@ -80,7 +80,7 @@ def code_number(
         bit = _decide(mixer, experts, is_unmixed, start, number, middle, node, step)
         low, high = (middle, high) if bit == 1 else (low, middle)
         node = _LATER_HALVINGS
-    if high - low > 1:
+    if start >= 0 and high - low > 1:
         middle = (low + high) >> 1
         bit = code_unmixed_bit(mixer, start + node, int(number >= middle))
         low, high = (middle, high) if bit == 1 else (low, middle)

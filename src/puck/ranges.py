@@ -60,7 +60,7 @@ class RangeContext(NamedTuple):
 class RangeModel(NamedTuple):
     mask: Mixer  # of the decision whether a firing returned
     value: Mixer  # of the decisions on its range
-    starts: Ints  # first counter of each context of `value`, of `code_number`, and of `mask`
+    starts: Ints  # first counter of each context of `value`, and of `mask`
     mask_starts: Ints
     experts: Experts
     linear: LeastSquares
@@ -102,7 +102,7 @@ def new_range_model(
     bits: BitCoder, lasers: int, size: ModelSize, step: int, lmbda: int, farthest: int
 ) -> RangeModel:
     """Return an untrained model for ranges up to `farthest` quanta in steps of `step`."""
-    sizes = np.array([100, _SITUATIONS, 90, 90, 100, 90, lasers, 100, 1]) * NODES
+    sizes = np.array([100, _SITUATIONS, 90, 90, 100, 90, lasers, 100]) * NODES
     mask_sizes = np.array([2304, 216 * lasers, 2592, 1296, 3264, 64 * lasers])
     first_weights = [*_EXPERT_WEIGHTS[: size.experts], *_CONTEXT_WEIGHTS[: size.contexts]]
     zeros = np.zeros(lasers, np.int64)
@@ -235,7 +235,7 @@ def _code_range(
     source: Words,
 ) -> None:  # fmt: skip
     base, first, level, has_previous, situation = _predict(model, image, before, c, laser, t)
-    mean, group, start = FINE * base + 4 * first, 0, model.starts[8]
+    mean, group, start = FINE * base + 4 * first, 0, -1
     step, farthest = model.parameters[0], model.parameters[4]
     index, centre, unit = _quantise(model, source[c, laser], mean, situation)
     if len(model.experts.every) == 0:
