@@ -161,7 +161,8 @@ def _code_value(
     centre = (mean + FINE // 2) // FINE
     value = int(values[c, laser])
     _write_contexts(model, image, before, c, laser, t, base, shift, mean, level, jumps, unit)
-    smooth = unit if unit >= _NOISE else max(unit >> 1, 1)
+    is_noise = unit >= _NOISE and model.has_signals == 0
+    smooth = unit if is_noise else max(unit >> 1, 1)
     if len(model.linear.every) > _FEATURES_OF_NORMAL:
         smooth = max(unit >> 2, 1)
     value = code_number(
