@@ -8,6 +8,9 @@ coded as a key turn. Seconds are the processor's, the least of the repeats; the 
 is the time that the packets' clock ran through, over them. Then whole files: the size by
 `compress`, and its ratio to that by `xz -9e`. Then one file of ten recordings: processor time
 relative to that of `xz -9e` in the same run.
+
+An Ouster's capture, with the sensor's metadata beside it, is measured as a whole file alone; its
+real time is that of turns at 10 Hz. Processor time adds up the time of all threads.
 """
 
 from __future__ import annotations
@@ -27,9 +30,12 @@ from benchmarks.performance.rows import Inputs, Row
 from pointkit.lidar.turns import Layout, Turn
 from puck import CodingOptions, compress, decode_turns, decompress, encode_turns
 from puck.options import EFFORTS
+from puck.recordings.ouster import metadata_beside
 from puck.recordings.packet_turns import find_packets, split_turns, turn_of
 from puck.recordings.packets import PACKET, PACKET_BYTES
 from puckbench.recordings.reading import read_packets
+
+OUSTER_HERTZ = 10.0
 
 
 def strongest(path: Path) -> tuple[Layout, list[Turn], float]:
@@ -70,7 +76,7 @@ def lossless(
             yield Row(f"{what}: {action} turns", speed, "x real time", at_least=1, repeats=repeats)
 
 
-def files(path: Path, repeats: int) -> Iterator[Row]:
+def files(path: Path, seconds: float | None, repeats: int) -> Iterator[Row]:
     xz = len(lzma.compress(path.read_bytes(), preset=9 | lzma.PRESET_EXTREME))
     with TemporaryDirectory() as folder:
         small, back = Path(folder, "small"), Path(folder, "back")
@@ -85,24 +91,30 @@ def files(path: Path, repeats: int) -> Iterator[Row]:
             assert back.read_bytes() == path.read_bytes()
             what = f"{path.name}, {effort}"
             yield Row(f"{what}: file", account.compressed, "bytes", "xz -9e", xz, at_most=1)
+            recorded = account.turns / OUSTER_HERTZ if seconds is None else seconds
             for action, least in zip(("compress", "decompress"), best, strict=True):
-                yield Row(f"{what}: {action}", least, "processor s", repeats=repeats)
+                yield Row(f"{what}: {action}", recorded / least, "x real time", repeats=repeats)
+
+
+def of_recordings(paths: Sequence[Path], repeats: int) -> Iterator[Row]:
+    """Measure turns of Velodynes, whole files, and one file of ten recordings of Velodynes."""
+    velodynes = [path for path in paths if metadata_beside(path) is None]
+    for path in paths:
+        seconds = None
+        if path in velodynes:
+            layout, turns, seconds = strongest(path)
+            yield from lossless(path.name, layout, turns, seconds, repeats)
+        yield from files(path, seconds, repeats)
+    if velodynes:
+        yield from ten_in_one(velodynes, repeats)
 
 
 def measure(inputs: Inputs) -> Iterator[Row]:
-    """Turns of a virtual VLP-16 and of recordings, which are also compressed as whole files.
-
-    Recordings of Ousters, which have metadata beside them, only as whole files.
-    """
+    """Turns of a virtual VLP-16 and of recordings, which are also compressed as whole files."""
     with TemporaryDirectory() as folder:
         made = write_recording(Path(folder, "virtual VLP-16"), 1 if inputs.is_trial else 10)
-        velodynes = [path for path in inputs.recordings if not path.with_suffix(".json").exists()]
-        for path in (made, *velodynes):
-            yield from lossless(path.name, *strongest(path), inputs.repeats(3))
-    for path in inputs.recordings:
-        yield from files(path, inputs.repeats(3))
-    if velodynes:
-        yield from ten_in_one(velodynes, inputs.repeats(3))
+        yield from lossless(made.name, *strongest(made), inputs.repeats(3))
+    yield from of_recordings(inputs.recordings, inputs.repeats(3))
 
 
 def another(path: Path, random: np.random.Generator) -> bytes:
@@ -153,11 +165,7 @@ def main() -> None:
     parser.add_argument("recordings", type=Path, nargs="+")
     parser.add_argument("--repeats", type=int, default=3)
     options = parser.parse_args()
-    for path in options.recordings:
-        rows = lossless(path.name, *strongest(path), options.repeats)
-        for row in (*rows, *files(path, options.repeats)):
-            print(row, flush=True)
-    for row in ten_in_one(options.recordings, options.repeats):
+    for row in of_recordings(options.recordings, options.repeats):
         print(row, flush=True)
 
 

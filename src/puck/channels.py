@@ -30,12 +30,14 @@ _SIZES = 36
 _CLIP = 480
 """Limit of features, to which larger differences are clipped."""
 _MOST_ERROR = 1 << 20
+_NOISE = 8
+"""Mean error from which the values of an image are mostly noise, in effort `normal`."""
 
 
 class ChannelModel(NamedTuple):
     zero: Mixer  # of the decision whether a value is 0
     value: Mixer  # of the decisions on other values
-    starts: Ints  # first counter of each context of `value`
+    starts: Ints  # first counter of each context of `value`, and of `code_number`
     experts: Experts
     linear: LeastSquares
     last: Ints  # for each laser: its last value above 0,
@@ -59,7 +61,7 @@ def new_channel_model(
     bits: BitCoder, lasers: int, effort: Effort, farthest: int, *, has_signals: bool
 ) -> ChannelModel:
     """Return a model for pixels with values up to `farthest`, before any pixel was coded."""
-    sizes = np.array([_LEVELS * 4, 100, 100, lasers, _SIZES * 10, _SIZES * _LEVELS]) * NODES
+    sizes = np.array([_LEVELS * 4, 100, 100, lasers, _SIZES * 10, _SIZES * _LEVELS, 1]) * NODES
     features = _FEATURES_OF_THOROUGH if effort == "thorough" else _FEATURES_OF_NORMAL
     zeros = np.zeros(lasers, np.int64)
     return ChannelModel(
@@ -70,7 +72,7 @@ def new_channel_model(
         new_mixer(bits, MixerOptions(
             experts=_EXPERTS, contexts=_CONTEXTS, counters=int(sizes.sum()),
             rows=NODES * (_LEVELS + _SIZES), weights=[0.2] * (_EXPERTS + _CONTEXTS),
-            learning_rate=24, final_learning_rate=4, sets=2,
+            learning_rate=24, final_learning_rate=6, sets=2,
         )),
         np.cumsum(sizes) - sizes,
         new_experts(np.tile(first_scales(_LEVELS, 4), (_EXPERTS, 1)), _EXPERTS),
@@ -153,12 +155,20 @@ def _code_value(
     mean = min(max(mean, FINE), FINE * model.farthest)
     error = int(model.error[laser])
     level = activity(error, image.errors, before.errors, c, laser, t, _LEVELS)
+    jumps = _jumps(image.ranges, c, laser)
+    level = min(level + 2 * jumps, _LEVELS - 1)
     unit = max(int(scales[0, level] >> 8) * 4 // 64, 1)
     centre = (mean + FINE // 2) // FINE
     value = int(values[c, laser])
-    _write_contexts(model, image, before, c, laser, t, base, shift, mean, level, unit)
-    value = code_number(model.value, model.experts, value, centre, unit, 1, model.farthest)
-    learn(model.experts, level, FINE * value, 6)
+    _write_contexts(model, image, before, c, laser, t, base, shift, mean, level, jumps, unit)
+    is_noise = unit >= _NOISE and model.has_signals == 0
+    smooth = unit if is_noise else max(unit >> 1, 1)
+    if len(model.linear.every) > _FEATURES_OF_NORMAL:
+        smooth = max(unit >> 2, 1)
+    value = code_number(
+        model.value, model.experts, value, centre, unit, 1, model.farthest, smooth, model.starts[6]
+    )
+    learn(model.experts, level, FINE * value, 7)
     value = min(max(value, 1), model.farthest)
     values[c, laser] = value
     wrong = min(abs(FINE * value - mean), _MOST_ERROR)
@@ -168,9 +178,16 @@ def _code_value(
     if abs(target) < 2 * _CLIP:
         model.bias[laser] += (((target - first) << 8) - int(model.bias[laser])) >> 6
         model.memory[0] += 1
-        learn_target(model.linear, 0, target, 0, 12)
+        learn_target(model.linear, 0, target, 0, 11)
         if model.memory[0] & 15 == 0:
             solve(model.linear, 0)
+
+
+@inlined
+def _jumps(ranges: Words, c: int, laser: int) -> int:
+    """Return 1 if the range differs from the last column's by more than 1 / 128, otherwise 0."""
+    here, west = int(ranges[c, laser]), int(ranges[c - 1, laser])
+    return 1 if abs(here - west) << 7 > here else 0
 
 
 @inlined
@@ -192,7 +209,7 @@ def _base(
 @inlined
 def _write_contexts(
     model: ChannelModel, image: ChannelContext, before: ChannelContext, c: int, laser: int, t: int,
-    base: int, shift: int, mean: int, level: int, unit: int,
+    base: int, shift: int, mean: int, level: int, jumps: int, unit: int,
 ) -> None:  # fmt: skip
     values, at, starts = image.values, model.value.contexts, model.starts
     means, x = model.experts.means, model.linear.features
@@ -208,8 +225,10 @@ def _write_contexts(
     centre = (mean + FINE // 2) // FINE
     size = min(halves(mean), _SIZES - 1)
     near_west = level_of_value(west // FINE, centre, unit)
-    available = (1 if then > 0 else 0) + (2 if estimate > 0 else 0)
-    at[0] = starts[0] + (level * 4 + available) * NODES
+    state = (1 if then > 0 else 0) + 2 * jumps
+    if model.has_signals == 1:
+        state = (1 if then > 0 else 0) + (2 if estimate > 0 else 0)
+    at[0] = starts[0] + (level * 4 + state) * NODES
     at[1] = starts[1]
     at[1] += (
         level_of_value(below // FINE, centre, unit) * 10 + level_of_value(above, centre, unit)

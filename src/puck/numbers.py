@@ -2,7 +2,7 @@
 
 The first decision says on which side of the centre the number is. The next decisions compare it
 with thresholds at growing distances from the centre. Finally, the interval between the last two
-thresholds is halved repeatedly.
+thresholds is halved repeatedly. The numbers of a small interval are taken for equally likely.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ _LATER_HALVINGS = 62
 @inlined
 def code_number(
     mixer: Mixer, experts: Experts, number: int, centre: int, unit: int, step: int, farthest: int,
-    start: int = 0,
+    smooth: int, start: int = -1,
 ) -> int:  # fmt: skip
     """Encode or decode a number from 0 to (farthest + step) // step, and return the number.
 
@@ -50,9 +50,12 @@ def code_number(
         Distance of the first threshold from the centre.
     step, farthest
         Quantisation step, and largest value before quantisation.
+    smooth
+        Largest interval whose numbers are coded as equally likely; 1 for none. With `start`, it is
+        halved once more before, by an adaptive counter.
     start
-        Without experts, each kind of decision has an adaptive counter of the mixer instead, from
-        index `start` on.
+        Index of the first of `NODES` counters of the mixer, one for each kind of decision, or -1.
+        They replace the mixture in the last halving and, without experts, in all decisions.
     """
     is_unmixed = len(experts.every) == 0  # a constant: the compiler removes the other branch
     low, high = 0, in_steps(farthest, step) + 2
@@ -72,18 +75,16 @@ def code_number(
         if bit != side:
             break
     node = 1 + (2 + side) * _STEPS + min(steps - 1, _STEPS - 1)
-    if is_unmixed:
-        if high - low > 1:
-            middle = (low + high) >> 1
-            bit = _decide(mixer, experts, is_unmixed, start, number, middle, node, step)
-            low, high = (middle, high) if bit == 1 else (low, middle)
-        return low + code_uniform(mixer.bits, number - low, high - low) if high - low > 1 else low
-    while high - low > 1:
+    while high - low > smooth:
         middle = (low + high) >> 1
         bit = _decide(mixer, experts, is_unmixed, start, number, middle, node, step)
         low, high = (middle, high) if bit == 1 else (low, middle)
         node = _LATER_HALVINGS
-    return low
+    if start >= 0 and high - low > 1:
+        middle = (low + high) >> 1
+        bit = code_unmixed_bit(mixer, start + node, int(number >= middle))
+        low, high = (middle, high) if bit == 1 else (low, middle)
+    return low + code_uniform(mixer.bits, number - low, high - low) if high - low > 1 else low
 
 
 @inlined

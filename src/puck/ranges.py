@@ -42,7 +42,7 @@ _JUMP = 24
 """A larger difference between columns, in range quanta, is taken for a change of surface."""
 _FIRST_ERROR = 3 * FINE
 _ALL_LEARNT = 1000
-"""Number of returns after which effort `fast` learns from every fourth return only."""
+"""Number of returns after which effort `fast` learns from every second return only."""
 
 
 class RangeContext(NamedTuple):
@@ -86,8 +86,8 @@ class ModelSize(NamedTuple):
 
 
 MODEL_SIZES: dict[Effort, ModelSize] = {
-    "fast": ModelSize(8, 0, 1, 1, 1, 1, 16),
-    "normal": ModelSize(10, 6, 3, 1, 3, 1, 16),
+    "fast": ModelSize(10, 0, 1, 1, 1, 1, 32),
+    "normal": ModelSize(10, 4, 3, 1, 3, 1, 16),
     "thorough": ModelSize(22, 9, 8, 3, 6, 9, 8),
 }
 _EXPERT_WEIGHTS = (0.18, 0.2, 0.16, 0.16, 0.16, 0.1, 0.15, 0.2, 0.22)
@@ -95,7 +95,7 @@ _CONTEXT_WEIGHTS = (0.15, 0.2, 0.12, 0.13, 0.05, 0.16, 0.1, 0.15)
 _MASK_WEIGHTS = (0.3, 0.16, 0.08, 0.15, 0.14, 0.3)
 """Initial weights, close to those after coding a recording of an HDL-32E."""
 _COMMON_FEATURES = 10
-"""Number of features of effort `normal`; `fast` has fewer."""
+"""Number of features of efforts `fast` and `normal`."""
 
 
 def new_range_model(
@@ -235,7 +235,7 @@ def _code_range(
     source: Words,
 ) -> None:  # fmt: skip
     base, first, level, has_previous, situation = _predict(model, image, before, c, laser, t)
-    mean, group, start = FINE * base + 4 * first, 0, 0
+    mean, group, start = FINE * base + 4 * first, 0, -1
     step, farthest = model.parameters[0], model.parameters[4]
     index, centre, unit = _quantise(model, source[c, laser], mean, situation)
     if len(model.experts.every) == 0:
@@ -249,7 +249,10 @@ def _code_range(
         _write_experts(model, image, before, c, laser, t, base, mean, group)
         begin(model.experts, situation)
         _write_contexts(model, image, before, c, laser, t, base, situation, mean)
-    index = code_number(model.value, model.experts, index, centre, unit, step, farthest, start)
+    smooth = max(unit >> (0 if len(model.experts.every) == 0 else 2), 1)
+    index = code_number(
+        model.value, model.experts, index, centre, unit, step, farthest, smooth, start
+    )
     value = min(max(index * step, 1), farthest)
     if len(model.experts.every) == 0:
         wrong = min(abs(FINE * value - mean), 4000) * 256
@@ -351,22 +354,20 @@ def _write_features(
     base: int,
 ) -> None:  # fmt: skip
     x, held, ranges = model.linear.features, image.held, image.ranges
-    columns = 2 if len(model.linear.every) < _COMMON_FEATURES else 3
-    first = columns + 2  # feature of the previous turn
-    for k in range(columns):
+    for k in range(3):
         x[k] = _change(held[c - 2 - k, laser], base)
-    for k in range(columns, first + columns + 2):
+    for k in range(3, _COMMON_FEATURES):
         x[k] = 0
     if laser > 0:
-        x[columns] = _change(ranges[c, laser - 1], held[c - 1, laser - 1])
-        x[columns + 1] = _change(held[c - 2, laser - 1], held[c - 1, laser - 1])
+        x[3] = _change(ranges[c, laser - 1], held[c - 1, laser - 1])
+        x[4] = _change(held[c - 2, laser - 1], held[c - 1, laser - 1])
     if t > 0:
         then = before.ranges
-        for k in range(columns):
-            x[first + k] = _change(then[t + 2 - columns + k, laser], base)
+        for k in range(3):
+            x[5 + k] = _change(then[t - 1 + k, laser], base)
         if laser > 0:
-            x[first + columns] = _change(ranges[c, laser - 1], then[t, laser - 1])
-        x[first + columns + 1] = _fine_change(before.smooth[t, laser], base)
+            x[8] = _change(ranges[c, laser - 1], then[t, laser - 1])
+        x[9] = _fine_change(before.smooth[t, laser], base)
     if len(model.linear.every) > _COMMON_FEATURES:
         _write_more_features(x, image, before, c, laser, t, base)
 
@@ -414,10 +415,10 @@ def _write_experts(
     means[2] = FINE * base
     below = int(image.ranges[c, laser - 1]) if laser > 0 else 0
     means[3] = FINE * below
+    if len(model.experts.every) <= 4:
+        return
     means[4] = FINE * image.ranges[c - 1, laser + 1] if laser + 1 < image.ranges.shape[1] else 0
     means[5] = FINE * model.other[laser]
-    if len(model.experts.every) <= 6:
-        return
     means[6], means[7] = 0, 0
     if below > 0 and image.held[c - 1, laser - 1] > 0:
         means[6] = max(FINE * (base + below - image.held[c - 1, laser - 1]), 0)
@@ -499,8 +500,8 @@ def _learn_linear(model: RangeModel, target: int, group: int, damp: int) -> None
     linear = model.linear
     if len(model.experts.every) > 0:
         learn_target(linear, 0, target, damp, 12)
-    elif model.memory[1] & 3 == 0 or model.memory[1] < _ALL_LEARNT:
-        learn_target(linear, 0, target, damp, 10)
+    elif model.memory[1] & 1 == 0 or model.memory[1] < _ALL_LEARNT:
+        learn_target(linear, 0, target, damp, 11)
     if group > 0:
         learn_target(linear, group, target, damp, 10)
     model.memory[1] += 1

@@ -17,7 +17,7 @@ from pointkit.errors import InputError
 from pointkit.lidar.turns import Layout
 
 MAGIC = b"PUCK"
-_VERSION = 2
+_VERSION = 3
 _CHECKSUM_BYTES = 4
 _PORTION = 1 << 20
 _FEW_RANGES, _RANGES_PER_BYTE = 1 << 22, 32

@@ -143,7 +143,7 @@ def _code_other(
     available = (means[1] > 0) + 2 * (means[2] > 0) + 4 * (means[3] > 0) + 8 * (means[0] > 0)
     m.contexts[0], m.contexts[1], m.rows[0] = 0, (1 + available) * NODES, 0
     unit = max(16 // step, 1)
-    coded = code_number(m, model.experts, number, 1, unit, step, model.farthest)
+    coded = code_number(m, model.experts, number, 1, unit, step, model.farthest, 1)
     if coded > 0:
         learn(model.experts, 0, FINE * step * coded, 4)
     return coded

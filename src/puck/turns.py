@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,6 +18,7 @@ from pointkit.coding.byte_io import Reader, base_128
 from pointkit.coding.context_mixing import Ints, Mixer, Words
 from pointkit.errors import InputError
 from pointkit.lidar.turns import (
+    CENTIDEGREES,
     MAX_RANGE,
     Layout,
     Ranges,
@@ -27,6 +28,7 @@ from pointkit.lidar.turns import (
     check_turn,
     has_wide_ranges,
 )
+from puck.channels import ChannelContext, ChannelModel, code_channel, new_channel_model
 from puck.options import EFFORTS, MAX_STEP, CodingOptions
 from puck.quick_images import ImageCoder, ImageJob
 from puck.ranges import MODEL_SIZES, PAD, RangeContext, RangeModel, code_ranges, new_range_model
@@ -38,9 +40,6 @@ from puck.reflectivity import (
 )
 from puck.second_returns import SecondReturnModel, code_second_returns, new_second_return_model
 from puck.sequences import SequenceModel, code_sequence, new_sequence_model
-
-if TYPE_CHECKING:
-    from puck.channels import ChannelModel
 
 _KEY, _TIMES, _REFLECTIVITIES = 1, 2, 4
 _EFFORT = 3
@@ -62,7 +61,7 @@ _BYTES_PER_DECISION = 2
 
 Values = Ranges | NDArray[np.uint8] | Words
 _Model = TypeVar(
-    "_Model", RangeModel, SecondReturnModel, SequenceModel, ReflectivityModel, "ChannelModel"
+    "_Model", RangeModel, SecondReturnModel, SequenceModel, ReflectivityModel, ChannelModel
 )
 
 
@@ -78,6 +77,7 @@ class _State:
     second: SecondReturnModel
     times: SequenceModel
     reflectivities: list[ReflectivityModel]
+    shades: ChannelModel | None = None  # of an Ouster's reflectivities
     images: ImageCoder = field(default_factory=ImageCoder)
     previous: _CodedTurn | None = None
 
@@ -93,7 +93,7 @@ class _CodedTurn:
     strongest: RangeContext
     ranges: list[Words]
     reflectivities: list[Words] = field(default_factory=list)
-    held: list[Words] = field(default_factory=list)
+    held: list[Words] = field(default_factory=list)  # of an Ouster, prediction errors
 
 
 def _new_state(
@@ -316,7 +316,10 @@ def _code_turn(
         times = numbers.astype(np.uint32)
     if flags & _REFLECTIVITIES and turn.reflectivities is not None and not state.is_quick:
         lean = bool(flags & _LEAN)
-        _code_all_reflectivities(state, coded, nearest, turn.reflectivities, parts, lean=lean)
+        if EFFORTS[state.effort] == "normal" and _is_one_image(state.layout):
+            _code_shades(state, coded, nearest, turn.reflectivities[0], parts)
+        else:
+            _code_all_reflectivities(state, coded, nearest, turn.reflectivities, parts, lean=lean)
     state.previous = coded
     return coded, times
 
@@ -438,6 +441,36 @@ def _code_all_reflectivities(
         )  # fmt: skip
         coded.reflectivities.append(kind_values)
         coded.held.append(held)
+
+
+def _is_one_image(layout: Layout) -> bool:
+    """Return whether columns have azimuths of a fixed grid, as an Ouster's, and one return."""
+    return layout.azimuth_steps != CENTIDEGREES and layout.kinds == 1
+
+
+def _code_shades(
+    state: _State, coded: _CodedTurn, nearest: Ints, values: Values, parts: Parts
+) -> None:
+    """Code an Ouster's reflectivities like its other images, which takes half the time."""
+    lasers, shades, ranges = state.layout.lasers, padded(values), coded.ranges[0]
+    errors, none = np.zeros_like(shades), np.zeros((1, lasers), np.int32)
+    before, previous = ChannelContext(*[none] * 5), state.previous
+    if previous is not None and previous.reflectivities:
+        shades[:PAD], errors[:PAD] = previous.reflectivities[0][-PAD:], previous.held[0][-PAD:]
+        before = before._replace(
+            values=extended(previous.reflectivities[0]), errors=extended(previous.held[0])
+        )
+    else:
+        nearest = np.zeros_like(nearest)
+    model = state.shades or new_channel_model(
+        bit_writer(0), lasers, EFFORTS[state.effort], 0xFF, has_signals=False
+    )
+    context = ChannelContext(shades, errors, np.zeros_like(shades), ranges, shades)
+    state.shades = _code_part(
+        parts, model, _DECISIONS * shades.size, code_channel, context, before, nearest
+    )
+    coded.reflectivities.append(shades)
+    coded.held.append(errors)
 
 
 def padded(values: Values) -> Words:

@@ -60,6 +60,6 @@ CASES = [
     ),
     Case("nested.puck", _nested, "turns", error=r"nested\.puck: a compressed recording within"),
     Case(
-        "torn.puck", content(b"PUCK\x02\x03"), "turns", error=r"torn\.puck: the stream is damaged"
+        "torn.puck", content(b"PUCK\x03\x03"), "turns", error=r"torn\.puck: the stream is damaged"
     ),
 ]
