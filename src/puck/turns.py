@@ -31,7 +31,7 @@ from pointkit.lidar.turns import (
 from puck.channels import ChannelContext, ChannelModel, code_channel, new_channel_model
 from puck.options import EFFORTS, MAX_STEP, CodingOptions
 from puck.quick_images import ImageCoder, ImageJob
-from puck.ranges import MODEL_SIZES, PAD, RangeContext, RangeModel, code_ranges, new_range_model
+from puck.ranges import PAD, RangeContext, RangeModel, code_ranges, model_size, new_range_model
 from puck.reflectivity import (
     ReflectivityContext,
     ReflectivityModel,
@@ -101,7 +101,7 @@ def _new_state(
 ) -> _State:
     bits, lasers = bit_writer(0), layout.lasers
     farthest = _farthest(is_wide)
-    size = MODEL_SIZES[EFFORTS[effort]]
+    size = model_size(EFFORTS[effort], step)
     sixteenths = max(round(16 * lmbda), 1) if lmbda > 0 else 0
     return _State(
         layout, step, effort, is_wide, is_quick,
