@@ -186,8 +186,8 @@ def rows(reference: Reference, case: Case, repeats: int) -> Iterator[Row]:
     yield Row(f"{what}: size", len(ours), "bytes", RIVAL, len(theirs), at_most=1.005)
     for (name, unit), (rival, own) in zip(TIMES, least.tolist(), strict=True):
         pair = (own, unit, RIVAL, max(rival, LEAST_S))
-        aim = HALF if unit == "s" and case.name.startswith(SLOWEST) else 1
-        aim = aim if rival >= COMPARABLE_S else None
+        whole = HALF if unit == "s" and case.name.startswith(SLOWEST) else 1
+        aim = whole if rival >= COMPARABLE_S else None
         yield Row(f"{what}: {name}", *pair, at_most=aim, repeats=repeats)
 
 
