@@ -112,7 +112,7 @@ def compiled(function: Function, **options: Any) -> Function:
     """
     _config.CACHE_LOCATOR_CLASSES = _LOCATORS
     result = cast(Function, numba.njit(cache=True, nogil=True, **options)(function))
-    if "<locals>" not in function.__qualname__:
+    if "<locals>" not in function.__qualname__ and not _config.DISABLE_JIT:
         _FUNCTIONS[f"{function.__module__}.{function.__qualname__}"] = result
     return result
 

@@ -213,6 +213,12 @@ class _Returns:
     lift: Floats | None
 
 
+def _check_shape(values: np.broadcast | Floats, expected: Floats) -> None:
+    """Raise InputError if an error model's values have another shape than they have to."""
+    if values.shape != expected.shape:
+        raise InputError(f"the error model returned {values.shape} for {expected.shape} values")
+
+
 @dataclass(frozen=True)
 class _Scanner:
     caster: RayCaster
@@ -260,6 +266,7 @@ class _Scanner:
     def _fired(self, frames: range) -> Callable[[], _CastBlock]:
         nominal = self.sweep.rays(self.sensor, frames)
         fired = self.model.perturb_rays(nominal, self.sensor, self.draws)
+        _check_shape(np.broadcast(fired.yaw, fired.pitch), fired.yaw)
         return partial(self._cast, frames, nominal, fired)
 
     def _cast(self, frames: range, nominal: Rays, fired: Rays) -> _CastBlock:
@@ -275,6 +282,8 @@ class _Scanner:
         hits = self.model.merge_hits(block.hits, self.sensor)
         distance = self.model.perturb_ranges(hits, self.sensor, self.draws)
         lift = self.model.lift_points(hits, self.sensor, self.draws)
+        for values in (distance, hits.distance if lift is None else lift):
+            _check_shape(values, block.truth.hits.distance)
         returned = np.isfinite(distance) & np.isfinite(block.truth.hits.distance)
         return _Returns(returned, int(np.count_nonzero(returned)), distance, lift)
 

@@ -12,8 +12,9 @@ from pointkit.lidar.sensor import Sensor
 from pointkit.lidar.sensors import load_sensor
 from tests.support.sensor_scenes import ROOM, box, joined, moved, quad, room, wall
 from virtual_lidar import COLUMNS, ScanJob, ScanTable, Sweep, error_model_names, open_error_model
+from virtual_lidar.errors.model import Draws, ErrorModel, Hits
 from virtual_lidar.raycast import RayCaster
-from virtual_lidar.sweep import SWEEPS
+from virtual_lidar.sweep import SWEEPS, Rays
 
 VLP16 = load_sensor("vlp16")
 SMALL = Sweep(duration_s=0.5, azimuth_step_deg=1.0)
@@ -373,3 +374,27 @@ def test_a_scan_in_portions_has_the_same_rows(rays: int) -> None:
     assert len(parts) == {1: 6, 1000: 6, 10**6: 1}[rays]
     joined_rows = np.concatenate([part["distance_noisy"] for part in parts])
     assert joined_rows.tolist() == whole["distance_noisy"].tolist()
+
+
+class _OneRay(ErrorModel):
+    """Returns the values of a single ray."""
+
+    method: str
+
+    def perturb_rays(self, rays: Rays, sensor: Sensor, draws: Draws) -> Rays:
+        narrow = replace(rays, yaw=rays.yaw[..., :1])
+        return narrow if self.method == "perturb_rays" else rays
+
+    def perturb_ranges(self, hits: Hits, sensor: Sensor, draws: Draws) -> Floats:
+        distance = hits.distance
+        return distance[:1, :1, :1] if self.method == "perturb_ranges" else distance
+
+    def lift_points(self, hits: Hits, sensor: Sensor, draws: Draws) -> Floats | None:
+        return np.zeros(1) if self.method == "lift_points" else None
+
+
+@pytest.mark.parametrize("method", ["perturb_rays", "perturb_ranges", "lift_points"])
+def test_values_of_another_shape_than_the_rays_are_refused(method: str) -> None:
+    job = ScanJob(room(), VLP16, SMALL, _OneRay(method=method), CENTRE)
+    with pytest.raises(InputError, match="the error model returned"):
+        job.table(np.random.default_rng(0))

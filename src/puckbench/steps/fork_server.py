@@ -50,7 +50,8 @@ MODULES = (
 LEARNED = ("torch", "constriction", "pcc_networks")
 """Names of what a server also imports if a run uses learned codecs."""
 _GPU = "/dev/nvidiactl"
-_LARGEST_REPORT = 1 << 20
+_LARGEST_REPORT = 1 << 18
+"""Number of bytes that a job may report; the system limits it to some 200 kB."""
 _FORK = get_context("fork")
 
 
@@ -171,6 +172,7 @@ def serve(modules: Iterable[str]) -> None:
     gc.freeze()
     run_ends = sys.stdin.fileno()
     loaded, report = socket.socketpair(type=socket.SOCK_DGRAM)
+    report.setblocking(False)  # jobs do not wait for the server
     with socket.socket(socket.AF_UNIX) as listener:
         listener.bind(address())
         listener.listen()
@@ -185,7 +187,8 @@ def serve(modules: Iterable[str]) -> None:
                 if not _is_of_this_user(client):
                     continue
                 _, streams, _, _ = socket.recv_fds(client, 1, 2)
-                _FORK.Process(target=_watch, args=(client, streams, listener, report)).start()
+                watched = (client, streams, (listener, loaded), report)
+                _FORK.Process(target=_watch, args=watched).start()
                 for stream in streams:
                     os.close(stream)
 
@@ -200,9 +203,13 @@ def _import(name: str, ours: Collection[str]) -> None:
 
 
 def _watch(
-    client: socket.socket, streams: Sequence[int], listener: socket.socket, report: socket.socket
+    client: socket.socket,
+    streams: Sequence[int],
+    of_server: Iterable[socket.socket],
+    report: socket.socket,
 ) -> None:
-    listener.close()
+    for each in of_server:
+        each.close()
     adopt_orphans()
     connection = Connection(client.detach())
     with suppress(OSError, EOFError):  # the client may have ended
@@ -242,8 +249,8 @@ def _run(
     os.chdir(folder)
     already = loaded_functions()
     status = main(words, is_alone=True)
-    if (loaded := loaded_functions()) != already:
-        with suppress(OSError):  # the server may have ended
+    with suppress(Exception):  # the server may be busy, or types of a user's plug-in are local
+        if (loaded := loaded_functions()) != already:
             report.send(pickle.dumps(loaded))
     returned.send_bytes(b"returned")
     leave(status)
