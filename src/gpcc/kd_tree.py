@@ -80,7 +80,11 @@ def build(trees: KdTrees, first: int, end: int, box: Numbers, share: float) -> N
 
 
 def build_in_threads(trees: KdTrees, first: int, end: int, box: Numbers, share: float) -> None:
-    """Build a tree of many points. The arguments and the tree are those of `build`."""
+    """Build the tree of the points in the rows `first` to `end` - 1, its parts in several threads.
+
+    The tree is the one that `build` makes, which takes the same arguments. Only for many points
+    does this take less time.
+    """
     _enter(trees, first, end, box)
     parts = [trees]
     while len(parts) < 2 * allowed_threads():
@@ -183,7 +187,11 @@ def _split(
 
 @inlined
 def _part(trees: KdTrees, axis: int, parts: Place, cut: Any, equal: bool) -> None:
-    """Bring the rows below a cut (or `equal` to it) to the front, by the exchanges of nanoflann."""
+    """Exchange rows until the coordinates of the first ones are below a cut, as nanoflann does.
+
+    With `equal`, coordinates equal to the cut come first, too. Which rows are exchanged decides the
+    order of rows, and so the bytes of a stream.
+    """
     # Its two scans meet at the end of these rows; each exchange is of rows in the wrong part. They
     # are found as masks, without branches, which a processor could not predict.
     left, middle, right = parts

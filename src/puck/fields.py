@@ -21,7 +21,7 @@ from puck.quick_images import ImageCoder, ImageJob, framed
 from puck.ranges import PAD
 from puck.recordings.ouster_packets import HEAD_BYTES, OusterKind, Rest
 from puck.records import DAMAGED, check
-from puck.turns import PartReader, Parts, PartWriter, extended, nearest_columns, padded, with_coder
+from puck.turns import PartReader, Parts, PartWriter, continued, nearest_columns, padded, with_coder
 
 _DECISIONS = 48
 """Approximate maximum number of decisions for a value."""
@@ -148,14 +148,9 @@ def _code_mixed(
                 bits[number], lasers, effort, farthest, has_signals=has_signals
             )
         model = state.models[number] = with_coder(model, bits[number])
-        before, rows = ChannelContext(*[np.zeros((1, lasers), np.int32)] * 5), 0 * nearest
-        coded = state.coded.get(number)
-        if coded is not None:
-            for array, earlier in zip(context[:3], coded[:3], strict=True):
-                array[:PAD] = earlier[-PAD:]
-            before = before._replace(values=extended(coded.values), errors=extended(coded.errors))
-            rows = nearest
-        is_complete = code_channel(model, context, before, rows)
+        earlier = state.coded.get(number)
+        rows = 0 * nearest if earlier is None else nearest
+        is_complete = code_channel(model, context, continued(context, earlier), rows)
         state.coded[number] = context
         return is_complete
 

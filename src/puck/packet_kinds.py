@@ -12,7 +12,7 @@ from dataclasses import replace
 from io import BytesIO
 from itertools import accumulate, pairwise
 from pathlib import Path
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 from pointkit.coding.byte_io import Reader
 from pointkit.errors import InputError
 from pointkit.lidar.turns import Layout, Turn
+from puck.fields import FieldsDecoder, FieldsEncoder
 from puck.gaps import compress_bytes, decompress_bytes
 from puck.options import CodingOptions
 from puck.recordings.ouster import PROFILES, metadata_beside, read_sensor
@@ -45,9 +46,6 @@ from puck.records import (
 )
 from puck.returns_header import decode_layout, encode_layout
 from puck.turns import TurnDecoder, TurnEncoder, is_key
-
-if TYPE_CHECKING:
-    from puck.fields import FieldsDecoder, FieldsEncoder
 
 Kind = PacketKind | OusterKind
 _OUSTER_CODE_BYTES = 3
@@ -181,7 +179,7 @@ def _decoded(coded: list[_CodedTurn]) -> list[Turn]:
         kind = each.kind
         if (each.layout, kind) != format_of_turn:
             format_of_turn, decoder = (each.layout, kind), TurnDecoder(each.layout)
-            fields = _fields_decoder(kind)
+            fields = FieldsDecoder(kind) if kind else None
         turn = decoder.decode(each.body)
         if kind and fields:
             if each.fields is None:
@@ -233,8 +231,6 @@ class PacketsEncoder:
             if kind.has_rest:
                 records.append(Record(RecordKind.FIELDS, compress_bytes(rest.tobytes())))
             return turn, records
-        from puck.fields import FieldsEncoder  # takes time; only an Ouster needs it
-
         turn = kind.turn_of(payloads)
         body = self._turns.encode(turn)
         self._fields = self._fields or FieldsEncoder(kind, self._effort)
@@ -261,7 +257,7 @@ class PacketsDecoder:
         check(self._turn is None)
         self._kind = kind = decode_kind(body)
         self._turns = TurnDecoder(kind.layout)
-        self._fields = _fields_decoder(kind)
+        self._fields = FieldsDecoder(kind) if isinstance(kind, OusterKind) else None
 
     def add_turn(self, body: bytes) -> int:
         """Decode the body of a turn's record, and return the number of the turn's returns."""
@@ -306,14 +302,6 @@ class PacketsDecoder:
         count, pieces = self._count, self._pieces
         self._count, self._bytes, self._pieces = 0, 0, []
         return count, pieces
-
-
-def _fields_decoder(kind: Kind | None) -> FieldsDecoder | None:
-    if not isinstance(kind, OusterKind):
-        return None
-    from puck.fields import FieldsDecoder
-
-    return FieldsDecoder(kind)
 
 
 def _decode_rest(kind: PacketKind, turn: Turn, body: bytes) -> Payloads:

@@ -42,7 +42,8 @@ _JUMP = 24
 """A larger difference between columns, in range quanta, is taken for a change of surface."""
 _FIRST_ERROR = 3 * FINE
 _ALL_LEARNT = 1000
-"""Number of returns after which effort `fast` learns from every second return only."""
+"""Number of returns after which effort `fast` updates its prediction at every second return only,
+to save time."""
 
 
 class RangeContext(NamedTuple):
@@ -97,11 +98,13 @@ _CONTEXT_WEIGHTS = (0.15, 0.2, 0.12, 0.13, 0.05, 0.16, 0.1, 0.15)
 _MASK_WEIGHTS = (0.3, 0.16, 0.08, 0.15, 0.14, 0.3)
 """Initial weights, close to those after coding a recording of an HDL-32E."""
 _COMMON_FEATURES = 10
-"""Number of features of efforts `fast` and `normal`."""
+"""Number of neighbouring ranges from which efforts `fast` and `normal` predict a range."""
 
 
 def model_size(effort: Effort, step: int) -> ModelSize:
-    """Return the sizes of a model for ranges in steps of `step` quanta.
+    """Return the sizes of the model of ranges for an effort and a quantisation step.
+
+    The step is in the sensor's units of range, and 1 without loss.
 
     With effort `normal`, two more experts save 1 to 3 % of the bits of coarse ranges, and cost bits
     of exact ones.

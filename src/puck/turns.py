@@ -93,7 +93,8 @@ class _CodedTurn:
     strongest: RangeContext
     ranges: list[Words]
     reflectivities: list[Words] = field(default_factory=list)
-    held: list[Words] = field(default_factory=list)  # of an Ouster, prediction errors
+    held: list[Words] = field(default_factory=list)
+    shades: ChannelContext | None = None  # an Ouster's reflectivities
 
 
 def _new_state(
@@ -444,7 +445,7 @@ def _code_all_reflectivities(
 
 
 def _is_one_image(layout: Layout) -> bool:
-    """Return whether columns have azimuths of a fixed grid, as an Ouster's, and one return."""
+    """Return whether azimuths are on a fixed grid, as an Ouster's, and firings have one return."""
     return layout.azimuth_steps != CENTIDEGREES and layout.kinds == 1
 
 
@@ -452,25 +453,44 @@ def _code_shades(
     state: _State, coded: _CodedTurn, nearest: Ints, values: Values, parts: Parts
 ) -> None:
     """Code an Ouster's reflectivities like its other images, which takes half the time."""
-    lasers, shades, ranges = state.layout.lasers, padded(values), coded.ranges[0]
-    errors, none = np.zeros_like(shades), np.zeros((1, lasers), np.int32)
-    before, previous = ChannelContext(*[none] * 5), state.previous
-    if previous is not None and previous.reflectivities:
-        shades[:PAD], errors[:PAD] = previous.reflectivities[0][-PAD:], previous.held[0][-PAD:]
-        before = before._replace(
-            values=extended(previous.reflectivities[0]), errors=extended(previous.held[0])
-        )
-    else:
-        nearest = np.zeros_like(nearest)
+    lasers, shades = state.layout.lasers, padded(values)
+    errors, estimates = np.zeros_like(shades), np.zeros_like(shades)
+    context = ChannelContext(shades, errors, estimates, coded.ranges[0], shades)
+    earlier = state.previous.shades if state.previous else None
+    before = continued(context, earlier)
+    nearest = np.zeros_like(nearest) if earlier is None else nearest
     model = state.shades or new_channel_model(
         bit_writer(0), lasers, EFFORTS[state.effort], 0xFF, has_signals=False
     )
-    context = ChannelContext(shades, errors, np.zeros_like(shades), ranges, shades)
     state.shades = _code_part(
         parts, model, _DECISIONS * shades.size, code_channel, context, before, nearest
     )
     coded.reflectivities.append(shades)
-    coded.held.append(errors)
+    coded.shades = context
+
+
+def continued(context: ChannelContext, earlier: ChannelContext | None) -> ChannelContext:
+    """Let an image continue that of the turn before, which is returned as the coder wants it.
+
+    Parameters
+    ----------
+    context
+        The image to code. Its first PAD rows receive the last rows of the earlier image.
+    earlier
+        The image of the same kind in the turn before, or None.
+
+    Returns
+    -------
+    ChannelContext
+        Values and errors of the earlier image, with PAD additional rows of zeros at the end; zeros
+        without an earlier image.
+    """
+    before = ChannelContext(*[np.zeros((1, context.values.shape[1]), np.int32)] * 5)
+    if earlier is None:
+        return before
+    for array, rows in zip(context[:3], earlier[:3], strict=True):
+        array[:PAD] = rows[-PAD:]
+    return before._replace(values=extended(earlier.values), errors=extended(earlier.errors))
 
 
 def padded(values: Values) -> Words:

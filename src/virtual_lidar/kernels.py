@@ -167,7 +167,7 @@ class TrueRays(NamedTuple):
 
 
 class MeasuredRays(NamedTuple):
-    """Rays on which measured points are placed, and measurements.
+    """What the sensor reports for each ray: the direction, and how far away the point is.
 
     Parameters
     ----------

@@ -488,7 +488,10 @@ def find_nearest(
 
 @inlined
 def _skip_points(grid: Grid, codes: Ints, first: int) -> None:
-    """Pass the blocks of the points before the first, as if these had been searched for."""
+    """Set the state of a grid to what it is after the search for the points before `first`.
+
+    So the search can begin at any point of a level.
+    """
     block_shift, candidates = min(63, grid.shift + _CELL_BITS), grid.codes
     passed, following, block = integer(-1), grid.state[2], codes[first] >> block_shift
     for i in range(first):

@@ -108,13 +108,13 @@ def add_products_loop(
 
 
 def copy_floats_loop(onto: Floats32, i: int, source: Floats32, j: int, width: int) -> None:
-    """Do what `copy_floats` does."""
+    """Copy `width` numbers of `source`, from index j on, to `onto`, from index i on."""
     for k in range(width):
         onto[i + k] = source[j + k]
 
 
 def add_floats_loop(onto: Floats32, i: int, source: Floats32, j: int, width: int) -> None:
-    """Do what `add_floats` does."""
+    """Add `width` numbers of `source`, from index j on, to those of `onto`, from index i on."""
     for k in range(width):
         onto[i + k] += source[j + k]
 
@@ -346,10 +346,11 @@ def _leading_zeros(typing: Any, word: Any) -> Any:
 
 
 copy_floats: Any = intrinsic(_moving(copy_floats_loop, is_sum=False), prefer_literal=True)
-"""``copy_floats(onto, i, source, j, width)``: copy ``source[j + k]`` to ``onto[i + k]`` for k below
-the constant width; arrays of float32."""
+"""``copy_floats(onto, i, source, j, width)``: copy ``source[j : j + width]`` to ``onto[i : i +
+width]``. Both are arrays of float32, and the width is a constant."""
 add_floats: Any = intrinsic(_moving(add_floats_loop, is_sum=True), prefer_literal=True)
-"""``add_floats(onto, i, source, j, width)``: add ``source[j + k]`` to ``onto[i + k]`` likewise."""
+"""``add_floats(onto, i, source, j, width)``: add ``source[j : j + width]`` to ``onto[i : i +
+width]``. Both are arrays of float32, and the width is a constant."""
 leading_zeros: Any = intrinsic(_leading_zeros)
 """``leading_zeros(word)``: the number of leading zero bits of a 64-bit word."""
 add_scaled: Any = intrinsic(_add_scaled, prefer_literal=True)

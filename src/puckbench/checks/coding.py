@@ -1,4 +1,4 @@
-"""Checks that compare decoded clouds with the encoded cloud at each of a codec's rates."""
+"""Checks that encode a cloud at each rate of a codec, decode it, and compare both clouds."""
 
 from __future__ import annotations
 

@@ -6,7 +6,7 @@ import argparse
 import json
 import logging
 import sys
-from collections.abc import Container, Mapping, Sequence
+from collections.abc import Container, Sequence
 from typing import NoReturn
 
 import puckbench
@@ -14,7 +14,7 @@ from pointkit.errors import InputError
 from pointkit.files import refusing_paths
 from pointkit.terminal import print_answer
 from puckbench.cli.answers import text_of
-from puckbench.cli.registry import HELP, Answer, command, help_texts
+from puckbench.cli.registry import Answer, command, help_texts
 from puckbench.core.interrupts import interrupted_by_signals
 
 _DESCRIPTION = (
@@ -86,10 +86,8 @@ def _show_remarks() -> None:
 
 def _parser(words: Sequence[str]) -> tuple[argparse.ArgumentParser, str | None]:
     """Return a parser for the words of a command line, and the command's name, or None."""
-    name = next((word for word in words if not word.startswith("-")), None)
-    # Commands of other packages take time to find.
-    texts = HELP if words[:1] == [name] and name in HELP else help_texts()
-    parser = parser_of([name] if name in texts else [], texts)
+    name, texts = next((word for word in words if not word.startswith("-")), None), help_texts()
+    parser = parser_of([name] if name in texts else [])
     if name is not None and name not in texts:
         from pointkit.errors import among
 
@@ -104,9 +102,7 @@ class _Parser(argparse.ArgumentParser):
 
 
 def parser_of(
-    names: Container[str],
-    texts: Mapping[str, str],
-    parser_class: type[argparse.ArgumentParser] = _Parser,
+    names: Container[str], parser_class: type[argparse.ArgumentParser] = _Parser
 ) -> argparse.ArgumentParser:
     """Return a parser of the command line.
 
@@ -115,8 +111,6 @@ def parser_of(
     names
         Names of the commands whose arguments the parser knows. It knows other commands only by name
         and help text, since their modules take time to import.
-    texts
-        Help texts of the commands that the parser knows, by name.
     parser_class
         Class of the parser.
     """
@@ -129,7 +123,7 @@ def parser_of(
         help="with --version: also the versions of Python and of the packages in use",
     )
     commands = parser.add_subparsers(metavar="COMMAND")
-    for name, text in texts.items():
+    for name, text in help_texts().items():
         sub = commands.add_parser(name, help=text, description=text)
         if name in names:
             command(name).arguments(sub)

@@ -20,8 +20,7 @@ def run(options: argparse.Namespace) -> str:
     from puckbench.cli import parser_of
     from puckbench.cli.registry import help_texts
 
-    texts = help_texts()
-    parser = parser_of(texts, texts, _CompletedParser)
+    parser = parser_of(help_texts(), _CompletedParser)
     return str(shtab.complete(parser, options.shell)).rstrip()
 
 

@@ -20,7 +20,7 @@ from pointkit.registry import Registry
 
 Answer = dict[str, Any] | str | None
 
-HELP = {
+_HELP = {
     "run": "compare codecs on your clouds, meshes and recordings: a table and a report",
     "scene": "write a scene of a scene set as a mesh or cloud, with its description",
     "scan": "scan a mesh with a virtual sensor: a table of all returns",
@@ -80,12 +80,12 @@ COMMANDS: Registry[Command] = Registry("command", "commands", make=Command)
 
 def help_texts() -> dict[str, str]:
     """Return the help texts of all commands, by name."""
-    return {**HELP, **{name: COMMANDS.get(name).help for name in COMMANDS.names()}}
+    return {**_HELP, **{name: COMMANDS.get(name).help for name in COMMANDS.names()}}
 
 
 def command(name: str) -> Command:
     """Return a command by its name, and import its module."""
-    if name not in HELP:
+    if name not in _HELP:
         return COMMANDS.get(name)
     module = import_module(f"puckbench.cli.{name}")
-    return Command(name, module.run, module.arguments, HELP[name])
+    return Command(name, module.run, module.arguments, _HELP[name])

@@ -247,7 +247,10 @@ def _add_to_nearest(
 def _add_nearest(
     normals: Floats, starts: Rows, exact: Rows, index: Rows, sums: Floats, counts: Rows
 ) -> None:
-    """Add to each point of B without a normal those of its nearest points of A."""
+    """Add the normals of the nearest points of A to the points of B that have none yet.
+
+    `sums` (n, 3) and `counts` (n,) are the sums of normals for each point of B, and their numbers.
+    """
     for i in range(len(exact)):
         if counts[i] == 0:
             for pair in range(starts[i], starts[i] + exact[i]):
@@ -260,7 +263,11 @@ def _add_nearest(
 def _projected(
     queries: Floats, points: Floats, normals: Floats, starts: Rows, index: Rows
 ) -> Floats:
-    """Return the mean squared offset of each query along the normals of its nearest points."""
+    """Return the squared distance from each query to the planes of its nearest points, (n,).
+
+    The plane of a point is normal to the point's normal. With several nearest points, the result is
+    the mean over them. The unit is the square of that of the coordinates.
+    """
     means = np.empty(len(queries))
     for i in range(len(queries)):
         total = 0.0

@@ -58,9 +58,10 @@ class FileSet(SceneSet):
         return options
 
     def takes(self, path: Path) -> bool:
-        """Return whether a file with one of the `suffixes` contains a scene; by default, always.
+        """Return whether a file contains a scene of this set.
 
-        A subclass may read the first bytes of the file.
+        `path` is a file with one of the set's `suffixes`. By default the result is true. A subclass
+        may override this, for example to read the first bytes of the file.
         """
         return True
 
