@@ -41,6 +41,8 @@ Such markers are small because some shapes cannot be hollow.
 """
 _COLUMNS = ("dataset", "codec", "scale", "dyadic")
 _SHADED = 0.2
+_MOST_NAMES = 6
+"""Number of scales that have names along an axis at most; of more, every second has."""
 
 
 @_figure("gpcc_grid", title="G-PCC's bits and distortion against the scale of its grid")
@@ -148,7 +150,9 @@ def _set_scales(axes: Axes, scales: Floats) -> None:
 
     axes.set_xscale("log", base=2)
     low, high = (int(f(np.log2(v))) for f, v in ((np.floor, scales.min()), (np.ceil, scales.max())))
-    ticks = [2.0**power for power in range(low, high + 1)]
-    names = [f"1/{round(1 / tick)}" if tick < 1 else f"{tick:g}" for tick in ticks]
-    axes.set_xticks(ticks, names)
+    powers = range(low, high + 1)
+    every = 1 if len(powers) <= _MOST_NAMES else 2  # all names would touch
+    names = [f"1/{2**-power}" if power < 0 else f"{2**power}" for power in powers]
+    shown = [name if power % every == 0 else "" for power, name in zip(powers, names, strict=True)]
+    axes.set_xticks([2.0**power for power in powers], shown)
     axes.xaxis.set_minor_locator(NullLocator())
