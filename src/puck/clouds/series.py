@@ -22,8 +22,10 @@ RINGS = 256
 """Number of rings that are told apart; larger numbers of rings are taken modulo this."""
 _NODES = 112
 _LEVELS = 12
-PREDICTIONS = 9
+PREDICTIONS = 10
 """Number of predictions of a value."""
+FOLLOWERS = 1 << 16
+"""Number of entries of the table of the last place of a value, by its hash."""
 _CONTEXTS = 5
 _EXTRA = 256
 _SIZES = np.array([16 * PREDICTIONS, RINGS * 3, _LEVELS**2, 1 << PREDICTIONS, _EXTRA]) * _NODES
@@ -98,6 +100,7 @@ def _wrapped(difference: int, width: int) -> int:
 def code_series(
     model: SeriesModel, values: Ints, rings: Words, extra: NDArray[np.uint8], before: Ints,
     skips: NDArray[np.bool_], width: int, bits: int, guesses: Ints, differences: Ints, last: Words,
+    places: Words,
 ) -> bool:  # fmt: skip
     """Encode or decode a column in place, and return False if the stream ends early.
 
@@ -119,8 +122,8 @@ def code_series(
         Number of points in a row of an organised cloud, otherwise 0.
     bits
         Number of bits of the values.
-    guesses, differences, last
-        Working memory (`PREDICTIONS`,), (n,) and (2, `RINGS`).
+    guesses, differences, last, places
+        Working memory (`PREDICTIONS`,), (n,), (2, `RINGS`) and (`FOLLOWERS`,), which is -1.
     """
     mixer, scores, starts, history = model.mixer, model.scores, model.starts, 0
     last[:] = -1
@@ -140,6 +143,10 @@ def code_series(
         then = before[i] if i < len(before) else a
         guesses[7] = then
         guesses[8] = then + (a - before[i - 1]) if 0 < i < len(before) else then
+        slot = np.uint64(((a * 0x9E3779B1) >> 20) & (FOLLOWERS - 1))
+        place = int(places[slot])
+        guesses[9] = values[place + 1] if place >= 0 and values[place] == a else guesses[6]
+        places[slot] = i - 1
         best = 0
         for g in range(1, PREDICTIONS):
             if scores[g] < scores[best]:
