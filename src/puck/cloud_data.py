@@ -1,0 +1,105 @@
+"""Lossless coding of the data of successive PointCloud2 messages of one topic."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+
+from pointkit.coding.byte_io import Reader, base_128
+from pointkit.errors import InputError
+from puck.clouds.coding import PointCoder
+from puck.clouds.layout import CloudField, CloudLayout, Shape, data_of, points_of, shape_of
+from puck.gaps import compress_bytes, decompress_bytes
+from puck.options import EFFORTS, CodingOptions
+from puck.records import check
+
+__all__ = ["CloudDecoder", "CloudEncoder", "CloudField", "CloudLayout"]
+
+_RAW, _POINTS = range(2)
+_MOST_POINTS = 1 << 22
+
+
+class CloudEncoder:
+    """Encoder of the data of successive messages with one layout."""
+
+    def __init__(self, layout: CloudLayout, options: CodingOptions) -> None:
+        self._layout, self._options = layout, options
+        self._coder: PointCoder | None = None
+
+    def encode(
+        self, data: bytes, width: int, height: int, row_step: int, *, is_key: bool
+    ) -> bytes:
+        """Return bytes from which `CloudDecoder.decode` restores the data of a message.
+
+        Parameters
+        ----------
+        data
+            The data: points of `width` columns and `height` rows, or any other bytes.
+        width, height, row_step
+            Numbers of points in a row and of rows, and of bytes from one row to the next.
+        is_key
+            Whether the bytes can be decoded without those of earlier messages.
+        """
+        layout = self._layout
+        shape = shape_of(layout, len(data), width, height, row_step)
+        if is_key:
+            self._coder = None
+        if not layout.is_codable or not 0 < shape.rows * shape.columns <= _MOST_POINTS:
+            return bytes([_RAW]) + compress_bytes(data)
+        is_key = self._coder is None
+        self._coder = self._coder or PointCoder(layout, self._options.effort)
+        points, rest = points_of(np.frombuffer(data, np.uint8), layout.point_step, shape)
+        head = bytes([_POINTS | is_key << 4 | EFFORTS.index(self._options.effort) << 5])
+        beside = compress_bytes(rest)
+        coded = self._coder.encode(points, _width(shape))
+        return head + b"".join(map(base_128, (*shape, len(beside)))) + beside + coded
+
+
+class CloudDecoder:
+    """Decoder of the bytes of a `CloudEncoder`, in the same order, starting with a key message."""
+
+    def __init__(self, layout: CloudLayout) -> None:
+        self._layout = layout
+        self._coder: PointCoder | None = None
+
+    def decode(self, body: bytes, admit: Callable[[int], None]) -> bytes:
+        """Return the data of a message.
+
+        Parameters
+        ----------
+        body
+            Bytes that `CloudEncoder.encode` returned.
+        admit
+            Function that is called with a number of bytes before they are decoded. It raises
+            InputError if they are too many.
+
+        Raises
+        ------
+        InputError
+            The bytes are damaged, or need the message before them.
+        """
+        layout, reader = self._layout, Reader(body)
+        head = reader.take(1)[0]
+        mode, is_key, effort = head & 15, bool(head & 16), head >> 5
+        if mode == _RAW:
+            return decompress_bytes(reader, admit)
+        check(mode == _POINTS and layout.is_codable and effort < len(EFFORTS))
+        shape = Shape(*(reader.number() for _ in range(4)))
+        count, others = shape.rows * shape.columns, shape.rows * shape.gap + shape.tail
+        check(0 < count <= _MOST_POINTS)
+        admit(count * layout.point_step + others)
+        part = Reader(reader.take(reader.number()))
+        rest = decompress_bytes(part, lambda size: check(size == others))
+        coder = PointCoder(layout, EFFORTS[effort]) if is_key else self._coder
+        self._coder = None  # no other message may use the models of a damaged one
+        if coder is None:
+            raise InputError("the cloud needs the one before it")
+        points = coder.decode(reader, count, _width(shape))
+        check(not reader.rest())
+        self._coder = coder
+        return data_of(points, rest, shape)
+
+
+def _width(shape: Shape) -> int:
+    return shape.columns if shape.rows > 1 else 0
