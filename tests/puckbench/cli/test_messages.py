@@ -257,15 +257,6 @@ def test_points_that_are_not_finite_are_left_out_when_asked(
     assert len(read_cloud(tmp_path / "cloud.ply")) == 498
 
 
-def test_compress_says_that_bags_are_decompressed_first(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    ros2_bag(tmp_path / "bag", "MCAP", "STORAGE")
-    (path,) = (tmp_path / "bag").glob("*.mcap")
-    assert main(["compress", str(path), str(tmp_path / "a.puck")]) == 0
-    assert "decompress bags first (rosbag decompress, mcap decompress)" in capsys.readouterr().err
-
-
 @pytest.mark.parametrize(
     "words",
     [
