@@ -7,14 +7,17 @@ from collections.abc import Callable
 import numpy as np
 
 from pointkit.coding.byte_io import Reader, base_128
+from pointkit.errors import InputError
+from puck.clouds.coding import PointCoder
 from puck.clouds.layout import CloudField, CloudLayout, Shape, data_of, points_of, shape_of
 from puck.gaps import compress_bytes, decompress_bytes
-from puck.options import CodingOptions
+from puck.options import EFFORTS, CodingOptions
 from puck.records import check
 
 __all__ = ["CloudDecoder", "CloudEncoder", "CloudField", "CloudLayout"]
 
-_RAW, _COLUMNS = range(2)
+_RAW, _POINTS = range(2)
+_MOST_POINTS = 1 << 22
 
 
 class CloudEncoder:
@@ -22,6 +25,7 @@ class CloudEncoder:
 
     def __init__(self, layout: CloudLayout, options: CodingOptions) -> None:
         self._layout, self._options = layout, options
+        self._coder: PointCoder | None = None
 
     def encode(
         self, data: bytes, width: int, height: int, row_step: int, *, is_key: bool
@@ -38,19 +42,18 @@ class CloudEncoder:
             Whether the bytes can be decoded without those of earlier messages.
         """
         layout = self._layout
-        if not layout.is_codable:
-            return bytes([_RAW]) + compress_bytes(data)
         shape = shape_of(layout, len(data), width, height, row_step)
+        if is_key:
+            self._coder = None
+        if not layout.is_codable or not 0 < shape.rows * shape.columns <= _MOST_POINTS:
+            return bytes([_RAW]) + compress_bytes(data)
+        is_key = self._coder is None
+        self._coder = self._coder or PointCoder(layout, self._options.effort)
         points, rest = points_of(np.frombuffer(data, np.uint8), layout.point_step, shape)
-        parts = []
-        for column in layout.columns:
-            values = layout.values(points, column)
-            steps = np.diff(values, prepend=values.dtype.type(0))
-            planes = steps.view(np.uint8).reshape(-1, column.size).T
-            parts.append(compress_bytes(planes.tobytes()))
-        head = bytes([_COLUMNS]) + b"".join(map(base_128, shape))
-        parts.append(compress_bytes(rest))
-        return head + b"".join(base_128(len(part)) + part for part in parts)
+        head = bytes([_POINTS | is_key << 4 | EFFORTS.index(self._options.effort) << 5])
+        beside = compress_bytes(rest)
+        coded = self._coder.encode(points, _width(shape))
+        return head + b"".join(map(base_128, (*shape, len(beside)))) + beside + coded
 
 
 class CloudDecoder:
@@ -58,6 +61,7 @@ class CloudDecoder:
 
     def __init__(self, layout: CloudLayout) -> None:
         self._layout = layout
+        self._coder: PointCoder | None = None
 
     def decode(self, body: bytes, admit: Callable[[int], None]) -> bytes:
         """Return the data of a message.
@@ -76,25 +80,26 @@ class CloudDecoder:
             The bytes are damaged, or need the message before them.
         """
         layout, reader = self._layout, Reader(body)
-        mode = reader.take(1)[0]
+        head = reader.take(1)[0]
+        mode, is_key, effort = head & 15, bool(head & 16), head >> 5
         if mode == _RAW:
             return decompress_bytes(reader, admit)
-        check(mode == _COLUMNS and layout.is_codable)
+        check(mode == _POINTS and layout.is_codable and effort < len(EFFORTS))
         shape = Shape(*(reader.number() for _ in range(4)))
-        count, beside = shape.rows * shape.columns, shape.rows * shape.gap + shape.tail
-        admit(count * layout.point_step + beside)
-        points = np.zeros((count, layout.point_step), np.uint8)
-        for column in layout.columns:
-            raw = _part(reader, count * column.size)
-            steps = np.frombuffer(raw, np.uint8).reshape(column.size, -1).T.copy()
-            values = np.cumsum(steps.view(f"<u{column.size}")[:, 0], dtype=f"u{column.size}")
-            layout.put(points, column, values)
-        rest = _part(reader, beside)
+        count, others = shape.rows * shape.columns, shape.rows * shape.gap + shape.tail
+        check(0 < count <= _MOST_POINTS)
+        admit(count * layout.point_step + others)
+        part = Reader(reader.take(reader.number()))
+        rest = decompress_bytes(part, lambda size: check(size == others))
+        coder = PointCoder(layout, EFFORTS[effort]) if is_key else self._coder
+        self._coder = None  # no other message may use the models of a damaged one
+        if coder is None:
+            raise InputError("the cloud needs the one before it")
+        points = coder.decode(reader, count, _width(shape))
         check(not reader.rest())
+        self._coder = coder
         return data_of(points, rest, shape)
 
 
-def _part(reader: Reader, size: int) -> bytes:
-    part = Reader(reader.take(reader.number()))
-    raw = decompress_bytes(part, lambda announced: check(announced == size))
-    return raw
+def _width(shape: Shape) -> int:
+    return shape.columns if shape.rows > 1 else 0

@@ -169,7 +169,7 @@ def shape_of(layout: CloudLayout, size: int, width: int, height: int, row_step: 
         return Shape(height, width, row_step - width * step, size - height * row_step)
     if height == 1 and 0 < width * step <= size:
         return Shape(1, width, 0, size - width * step)
-    return Shape(1, size // step, 0, size % step)
+    return Shape(1, size // step, 0, size % step) if step else Shape(1, 0, 0, size)
 
 
 def points_of(data: Bytes, step: int, shape: Shape) -> tuple[Bytes, bytes]:
