@@ -1,4 +1,4 @@
-"""Turns of compressed or long recordings, read without the rest of them."""
+"""Turns of long packet captures, also compressed ones, read without the rest of them."""
 
 from __future__ import annotations
 
@@ -7,6 +7,8 @@ from pathlib import Path
 import numpy as np
 
 from pointkit.errors import InputError, naming
+from pointkit.lidar.returns import HOUR_US
+from pointkit.lidar.turns import clock_steps
 from puck.recordings.data_packets import whole_packets
 from puck.recordings.ouster import metadata_beside, read_sensor, serial_of
 from puck.recordings.ouster_packets import OusterKind
@@ -18,8 +20,10 @@ from puck.turn_packets import TurnIndex
 from puckbench.recordings.reading import RecordedTurns, turns_of_packets
 
 _LONG_BYTES, _COMPRESSED_TO = 1 << 26, 8
-"""Size from which a recording is long, and the factor for compressed ones. The faults of a shorter
-recording are told better by reading all of it."""
+"""Size in bytes from which a recording is long, and a factor for compressed ones.
+
+All of a shorter one is read, so that what is left out of it can be told.
+"""
 
 
 def is_long(path: Path) -> bool:
@@ -60,7 +64,9 @@ def read_some_turns(index: TurnIndex, first: int, last: int) -> RecordedTurns | 
     """
     with naming(index.path):
         turns = index.packets(first, last + 1)
-        log = _log(index, np.concatenate(turns)) if len(turns) == last + 1 - first else None
+        if not 0 < len(turns) == last + 1 - first:
+            return None
+        log = _log(index, np.concatenate(turns))
         if log is None:
             return None
         recorded = turns_of_packets(log, index.path)
@@ -90,6 +96,7 @@ def _log(index: TurnIndex, payloads: Payloads) -> PacketLog | None:
         return PacketLog(payloads, times * 1e-9, sensor=sensor)
     if index.kind.product == HDL64E:
         return None
-    times = payloads.view(PACKET)["time_us"][:, 0]
-    log = whole_packets([row.tobytes() for row in payloads], (times * 1e-6).tolist(), {})
+    clock_us = payloads.view(PACKET)["time_us"][:, 0].astype(np.float64)
+    elapsed_s = np.append(0, np.cumsum(clock_steps(clock_us, HOUR_US))) * 1e-6
+    log = whole_packets([row.tobytes() for row in payloads], elapsed_s.tolist(), {})
     return None if log.about else log

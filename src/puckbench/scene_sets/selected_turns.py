@@ -13,7 +13,6 @@ from puck.recordings.captured_packets import is_packet_capture
 from puck.recordings.pcap import refuse_stream
 from puck.recordings.ros_bags import bag_format
 from puck.recordings.topics import refuse_topic
-from puck.records import is_stream
 from puckbench.scene_sets.recordings import RECORDING_SUFFIXES, decompressed
 
 _log = logging.getLogger(__name__)
@@ -71,7 +70,7 @@ def read_selected_turns(
             return select_turns(read_firings(path), turns), {}
         first, last = turns or (0, 1)
         recorded, skipped = None, 0
-        if (is_stream(path) or is_long(path)) and stream is None and topic is None:
+        if stream is None and topic is None and is_long(path):
             index = index_turns(path)
             recorded = read_some_turns(index, first, last) if index else None
             skipped = first if recorded else 0
