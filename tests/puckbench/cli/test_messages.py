@@ -20,7 +20,6 @@ from puckbench.codecs import learned
 from puckbench.codecs.coding import why_not_here
 from puckbench.codecs.registry import codec_of, open_codec
 from puckbench.steps import process
-from tests.support.bag_files import ros2_bag
 from tests.support.codecs import encode
 
 CAPTURE = Path(__file__).parents[2] / "data" / "capture" / "single.pcap"
