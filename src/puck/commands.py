@@ -15,6 +15,8 @@ from pointkit.errors import InputError
 from pointkit.terminal import PIPE
 from puck.options import EFFORTS
 
+_ZSTANDARD = b"\x28\xb5\x2f\xfd"
+"""First bytes of files that Zstandard compressed, such as ROS 2 bags."""
 _LOG = logging.getLogger(__name__)
 
 
@@ -61,13 +63,47 @@ def run_compress(options: argparse.Namespace) -> dict[str, Any]:
     coding = CodingOptions(effort=options.effort, key_every=options.key_every)
     with _pipes(options.recording, options.out) as (recording, out):
         summary = compress(recording, out, coding, Progress("byte"))
-    if not summary.packets:
+    source = "standard input" if options.recording == PIPE else options.recording
+    if not summary.packets and not summary.clouds:
         _LOG.warning(
-            "%s: no data packets of a modelled sensor: LZMA alone (Ouster's need the sensor's "
-            ".json beside the capture); decompress bags first (rosbag decompress, mcap decompress)",
-            "standard input" if options.recording == PIPE else options.recording,
+            "%s: no data packets of a modelled sensor and no PointCloud2 messages: LZMA alone%s "
+            "(an Ouster's packets need the sensor's .json beside the recording)",
+            source,
+            "" if options.recording == PIPE else _content_told(options.recording),
+        )
+    if summary.kept:
+        _LOG.warning(
+            "%s: %d of %d compressed chunks are stored as they are, since compressing them again "
+            "gives other bytes: decompress the bag first (rosbag decompress, mcap decompress)",
+            source,
+            summary.kept,
+            summary.kept + summary.opened,
         )
     return summary.as_json()
+
+
+def _content_told(recording: Path) -> str:
+    """Return what a bag or a compressed file contains, as a part of a message."""
+    from pointkit.files import open_file
+    from puck.recordings.point_cloud2 import POINT_CLOUD2
+    from puck.recordings.ros_bags import is_bag, read_topics
+    from puck.recordings.topics import listed
+
+    try:
+        with open_file(recording) as file:
+            start = file.read(len(_ZSTANDARD))
+        if start == _ZSTANDARD:
+            return "; the file is compressed by Zstandard: decompress it first"
+        topics = read_topics(recording) if is_bag(recording) else {}
+    except InputError:
+        return ""
+    if not topics:
+        return ""
+    names = [f"{name} ({topic.kind}: {topic.messages})" for name, topic in topics.items()]
+    told = f"; the bag has {listed(names)}"
+    if any(topic.kind == POINT_CLOUD2 and topic.messages for topic in topics.values()):
+        told += ", whose messages or chunks are compressed: decompress the bag first"
+    return told
 
 
 def run_decompress(options: argparse.Namespace) -> dict[str, Any]:

@@ -1,17 +1,20 @@
 """Lossless compression of recordings, or of any other file.
 
-Data packets are found by their content; the packets of a revolution are encoded as one turn.
+Data packets and messages of point clouds are found by their content; the packets of a revolution
+are encoded as one turn.
 """
 
 from __future__ import annotations
 
 import zlib
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import closing, contextmanager
 from dataclasses import dataclass, field
 from functools import partial
 from itertools import chain, zip_longest
 from pathlib import Path
+from shutil import copyfileobj
+from tempfile import TemporaryFile
 from typing import IO, Any, NamedTuple
 
 import numpy as np
@@ -20,7 +23,10 @@ from numpy.typing import NDArray
 from pointkit.coding.byte_io import Reader, base_128
 from pointkit.errors import InputError, naming
 from pointkit.files import open_file, written_whole
-from puck.gaps import Bytes, compress_bytes, decode_gaps, decompress_bytes, encode_gaps, store_gaps
+from puck.chunks import ChunkPacker
+from puck.cloud_messages import FoundCloud, find_clouds
+from puck.cloud_streams import CloudsDecoder, CloudsEncoder, cloud_ranges
+from puck.gaps import Bytes, decode_gaps, decompress_bytes, encode_gaps, store_gaps
 from puck.options import CodingOptions
 from puck.packet_kinds import (
     Kind,
@@ -33,17 +39,12 @@ from puck.packet_kinds import (
 )
 from puck.recordings.packet_turns import Payloads
 from puck.records import DAMAGED, Record, RecordKind, check, most_ranges, read_records, start
-from puck.sqlite_pages import (
-    LARGEST_PAGE,
-    LINK_BYTES,
-    SMALLEST_PAGE,
-    decode_links,
-    encode_links,
-)
+from puck.sqlite_pages import LARGEST_PAGE, LINK_BYTES, SMALLEST_PAGE, decode_links
+from puck.sqlite_payloads import PageWriter
 from puck.windows import Windows, windows_of
 
 _WINDOW = 1 << 24
-"""Number of bytes that are searched for packets at a time. Their turns form a batch."""
+"""Number of bytes that are searched at a time. Their turns and clouds form a batch."""
 _MOST_BATCH_BYTES = 1 << 26
 """Maximum number of bytes of a batch's turns in a stream, which are held in memory."""
 _MANY_BYTES, _BYTES_PER_BYTE = 3 << 24, 40
@@ -51,6 +52,19 @@ _MANY_BYTES, _BYTES_PER_BYTE = 3 << 24, 40
 _FRAME_BYTES = 16
 """Maximum number of bytes that state the length of a gap. A decoder counts them as output, too."""
 
+_PORTION = 1 << 20
+_BATCH_KINDS = (
+    RecordKind.LAYOUT,
+    RecordKind.TURN,
+    RecordKind.FIELDS,
+    RecordKind.CLOUD_LAYOUT,
+    RecordKind.CLOUD,
+    RecordKind.PLACES,
+)
+"""Kinds of the records that precede the GAPS record of their batch."""
+
+Pieces = NDArray[np.int64]
+"""First byte, and first byte after the end, of parts of a recording, (n, 2)."""
 Report = Callable[[int, int], None]
 """Function that is called with the number of processed bytes and the number of all bytes."""
 
@@ -61,12 +75,16 @@ class _Counts:
     turns: int = 0
     returns: int = 0
     ranges: int = 0
+    clouds: int = 0
+    points: int = 0
 
     def add(self, other: _Counts) -> None:
         self.packets += other.packets
         self.turns += other.turns
         self.returns += other.returns
         self.ranges += other.ranges
+        self.clouds += other.clouds
+        self.points += other.points
 
 
 @dataclass(kw_only=True)
@@ -79,17 +97,24 @@ class RecordingSummary(_Counts):
         Number of data packets, number of turns (revolutions) that they form, and number of returns
         in these turns.
     ranges
-        Number of pixels of range images, with and without a return, plus pixels of other images.
-        Decoders limit this number.
+        Number of pixels of range images, with and without a return, plus pixels of other images
+        and values of clouds. Decoders limit this number.
+    clouds, points
+        Number of messages of the type PointCloud2, and number of points in them.
     bytes, compressed
         Size of the recording and size of its stream, in bytes.
     parts
         Number of bytes of the stream by kind of record.
+    opened, kept
+        Number of compressed chunks (of ROS 1 bags and MCAP files) that were opened, and number of
+        those that were not, because compressing them again would give other bytes.
     """
 
     bytes: int = 0
     compressed: int = 0
     parts: dict[str, int] = field(default_factory=dict)
+    opened: int = 0
+    kept: int = 0
 
     def as_json(self) -> dict[str, Any]:
         """Return sizes, compressed share (``share``) and counts by name, as the commands print."""
@@ -101,6 +126,8 @@ class RecordingSummary(_Counts):
             "packets": self.packets,
             "turns": self.turns,
             "returns": self.returns,
+            "clouds": self.clouds,
+            "points": self.points,
         }
 
 
@@ -140,10 +167,11 @@ def compress(
 ) -> RecordingSummary:
     """Compress any file so that `decompress` restores it bit for bit.
 
-    The function finds data packets of known sensors by their content, and codes the packets of a
-    revolution as one turn. LZMA compresses all other bytes. Packets of an Ouster are found only if
-    the sensor's metadata (JSON) lie beside the recording. The recording is read once, in windows of
-    16 MiB; memory does not grow with its size.
+    The function finds data packets of known sensors and messages of the type PointCloud2 by their
+    content, and codes the packets of a revolution as one turn. LZMA compresses all other bytes.
+    Packets of an Ouster are found only if the sensor's metadata (JSON) lie beside the recording.
+    Compressed chunks of bags are opened if compressing them again gives the same bytes. The
+    recording is read once, in windows of 16 MiB; memory does not grow with its size.
 
     Parameters
     ----------
@@ -162,7 +190,7 @@ def compress(
     Returns
     -------
     RecordingSummary
-        Number of packets, turns and returns, and the sizes of both files in bytes.
+        Number of packets, turns, returns and clouds, and the sizes of both files in bytes.
 
     Raises
     ------
@@ -183,6 +211,7 @@ def compress(
             name = record.kind.name.lower()
             summary.parts[name] = summary.parts.get(name, 0) + size
             summary.compressed += size
+        summary.bytes, summary.opened, summary.kept = windows.read, windows.opened, windows.kept
     return summary
 
 
@@ -213,7 +242,7 @@ def decompress(
     Returns
     -------
     RecordingSummary
-        Number of packets, turns and returns, and the sizes of both files in bytes.
+        Number of packets, turns, returns and clouds, and the sizes of both files in bytes.
 
     Raises
     ------
@@ -245,7 +274,7 @@ def _opened(path: Path | IO[bytes]) -> Iterator[_Counted]:
 @contextmanager
 def _written(out: Path | IO[bytes]) -> Iterator[IO[bytes]]:
     if isinstance(out, Path):
-        with written_whole(out) as temporary, temporary.open("wb") as stream:
+        with written_whole(out) as temporary, temporary.open("w+b") as stream:
             yield stream
     else:
         yield out
@@ -259,23 +288,18 @@ def _records(
     summary: RecordingSummary,
     report: Report | None,
 ) -> Iterator[Record]:
-    size = windows.size or 0
-    if windows.page:
-        links = windows.links()
-        packed = compress_bytes(encode_links(links), are_headers=True)
-        yield Record(RecordKind.PAGES, base_128(windows.page) + packed)
-        size = len(links) * (windows.page - LINK_BYTES)
+    yield from windows.header
     if report is None or windows.size is None:
         report = _no_report
-    encoder, done = _PacketEncoder(options), 0
-    for content, packets in search(windows, formats):
-        batches = encoder.batches(content, packets, partial(_report_at, report, done, size))
-        done += len(content)
+    encoder, done = _BatchEncoder(options), 0
+    for window in search(windows, formats):
+        yield from windows.take_records()
+        batches = encoder.batches(window, partial(_report_at, report, windows, done))
+        done += len(window.data)
         batch = next(batch for batch in batches if _fits(batch, summary, done))
         summary.add(batch)
         yield from batch.records
-        report(done, size)
-    summary.bytes = windows.read
+        report(*windows.progress(done))
     yield Record(RecordKind.END, _end(windows.read, windows.checksum))
 
 
@@ -283,9 +307,9 @@ def _no_report(done: int, size: int) -> None:
     pass
 
 
-def _report_at(report: Report, done: int, size: int, within: int) -> None:
+def _report_at(report: Report, windows: Windows, done: int, within: int) -> None:
     if within:
-        report(done + within, size)
+        report(*windows.progress(done + within))
 
 
 def _fits(batch: _Batch, summary: RecordingSummary, done: int) -> bool:
@@ -308,36 +332,79 @@ class FoundPackets(NamedTuple):
 
     def payloads(self, data: Bytes) -> Payloads:
         views = np.lib.stride_tricks.sliding_window_view(data, self.format.span)[self.places]
-        starts = self.format.starts.tolist()
-        pieces = zip(starts, self.format.pieces, strict=True)
+        pieces = zip(self.format.starts.tolist(), self.format.pieces, strict=True)
         return np.concatenate([views[:, at : at + size] for at, size in pieces], axis=1)
 
     def turns(self, data: Bytes) -> Iterator[tuple[Kind, Payloads]]:
         return self.format.split_turns(self.payloads(data)) if len(self.places) else iter(())
 
+    def pieces(self) -> Pieces:
+        starts = (self.places[:, None] + self.format.starts).ravel()
+        return np.stack([starts, starts + np.tile(self.format.pieces, len(self.places))], axis=1)
 
-def search(windows: Windows, formats: list[PacketFormat]) -> Iterator[tuple[Bytes, FoundPackets]]:
-    """Search a recording for packets, window by window.
+    def outside(self, clouds: Pieces) -> FoundPackets:
+        """Return the packets that have no byte in common with the clouds."""
+        before = np.searchsorted(clouds[:, 1], self.places, side="right")
+        ends = np.append(clouds[:, 0], np.iinfo(np.int64).max)
+        return self._replace(places=self.places[self.places + self.format.span <= ends[before]])
 
-    Yields
-    ------
-    content
-        The next part of the recording's content.
-    packets
-        Packets in this part, of the format that covers most of it. A packet or turn that a window
-        cuts off is found in the next part.
+
+class Window(NamedTuple):
+    """Part of a recording's content, and what was found in it.
+
+    The packets are of the format that covers most of the part.
     """
-    largest, is_last = max(each.span for each in formats), windows.size == 0
+
+    data: Bytes
+    packets: FoundPackets
+    clouds: list[FoundCloud]
+
+    @property
+    def found(self) -> int:
+        """Number of bytes of packets and clouds."""
+        return self.packets.bytes() + sum(cloud.end - cloud.start for cloud in self.clouds)
+
+
+def search(windows: Windows, formats: list[PacketFormat]) -> Iterator[Window]:
+    """Search a recording for packets and clouds, and yield it window by window.
+
+    A packet, turn or cloud that a window cuts off is found in the next window.
+    """
+    is_last = windows.size == 0
     while not is_last:
-        window, is_last = windows.next(_WINDOW)
-        packets, end = _find(formats, window), len(window)
+        data, clouds, cut, is_last = _next_window(windows)
+        packets = _find(formats, data).outside(
+            _pieces_of(clouds if cut is None else [*clouds, cut])
+        )
+        end = len(data)
         if not is_last:
-            end = max(end - largest + 1, packets.end())
-            whole = _without_last_turn(packets, window)
-            if len(whole.places) < len(packets.places):
+            largest = max(each.span for each in formats)
+            end = end - largest + 1 if cut is None else cut.head
+            end = max(end, packets.end(), *(cloud.end for cloud in clouds))
+            whole = _without_last_turn(packets, data)
+            if len(whole.places) < len(packets.places) and not clouds and cut is None:
                 packets, end = whole, whole.end()
-        yield window[:end], packets
+        yield Window(data[:end], packets, clouds)
         windows.skip(end)
+
+
+def _next_window(windows: Windows) -> tuple[Bytes, list[FoundCloud], FoundCloud | None, bool]:
+    """Return a part of the content, its clouds, the cloud that it cuts off, and if it is the last.
+
+    The part is longer than usual if the cloud that is cut off begins early.
+    """
+    size = _WINDOW
+    while True:
+        data, is_last = windows.next(size)
+        clouds = list(find_clouds(data.tobytes()))
+        cut = clouds.pop() if clouds and clouds[-1].end > len(data) else None
+        if cut is None or is_last or cut.head > _WINDOW // 2:
+            return data, clouds, cut, is_last
+        size = cut.end
+
+
+def _pieces_of(clouds: list[FoundCloud]) -> Pieces:
+    return np.array([(cloud.start, cloud.end) for cloud in clouds], np.int64).reshape(-1, 2)
 
 
 def _without_last_turn(packets: FoundPackets, window: Bytes) -> FoundPackets:
@@ -358,40 +425,48 @@ def _find(formats: list[PacketFormat], data: Bytes) -> FoundPackets:
     return best
 
 
-class _PacketEncoder:
+class _BatchEncoder:
     def __init__(self, options: CodingOptions) -> None:
         self._options = options
         self._packets: PacketsEncoder | None = None
+        self._clouds = CloudsEncoder(options)
 
-    def batches(
-        self, data: Bytes, packets: FoundPackets, report: Callable[[int], None]
-    ) -> Iterator[_Batch]:
-        """Yield three encodings of `data`, of which the caller uses the first within the decoder's
-        limits.
+    def batches(self, window: Window, report: Callable[[int], None]) -> Iterator[_Batch]:
+        """Yield three encodings of a window, of which the caller uses the first within the
+        decoder's limits.
 
-        The first encodes packets as turns, the second compresses all bytes by LZMA, and the third
-        stores the bytes, which is always within the limits.
+        The first encodes packets as turns, and clouds; the second compresses all bytes by LZMA; and
+        the third stores the bytes, which is always within the limits.
         """
-        yield self._batch(data, packets, report)
-        self._packets = None
-        gaps = [data.tobytes()]
+        yield self._batch(window, report)
+        self._packets, self._clouds = None, CloudsEncoder(self._options)
+        gaps = [window.data.tobytes()]
         for encode in (encode_gaps, store_gaps):
             yield _Batch(records=[Record(RecordKind.GAPS, base_128(0) + encode(gaps))])
 
-    def _batch(self, data: Bytes, packets: FoundPackets, report: Callable[[int], None]) -> _Batch:
-        batch, (packet_format, places) = _Batch(), packets
+    def _batch(self, window: Window, report: Callable[[int], None]) -> _Batch:
+        batch, (data, packets, clouds) = _Batch(), window
         for kind, payloads in packets.turns(data):
             self._add_turn(kind, payloads, batch)
-            report(int(places[batch.packets - 1]))
-        pieces = (places[:, None] + packet_format.starts).ravel()
-        starts = np.concatenate([[0], pieces + np.tile(packet_format.pieces, len(places))])
-        ends = np.concatenate([pieces, [len(data)]])
+            report(int(packets.places[batch.packets - 1]))
+        for cloud in clouds:
+            batch.records += self._clouds.encode(cloud, data[cloud.start : cloud.end].tobytes())
+            batch.clouds += 1
+            batch.points += cloud.points
+            batch.ranges += cloud_ranges(cloud.end - cloud.start)
+            report(cloud.start)
+        pieces, places = packets.pieces(), _pieces_of(clouds)
+        if len(pieces) and clouds:
+            body = b"".join(map(base_128, np.searchsorted(pieces[:, 0], places[:, 0]).tolist()))
+            batch.records.append(Record(RecordKind.PLACES, body))
+        pieces = np.concatenate([pieces, places])
+        pieces = pieces[np.argsort(pieces[:, 0])]
+        edges = [0, *pieces.ravel().tolist(), len(data)]
         gaps = [
-            data[first:end].tobytes()
-            for first, end in zip(starts.tolist(), ends.tolist(), strict=True)
+            data[first:end].tobytes() for first, end in zip(edges[::2], edges[1::2], strict=True)
         ]
-        # Gaps that are larger than the packets are content of other kinds.
-        are_headers = len(data) < 2 * packets.bytes()
+        # Gaps that are larger than what was found are content of other kinds.
+        are_headers = len(data) < 2 * window.found
         body = base_128(len(pieces)) + encode_gaps(gaps, are_headers)
         batch.records.append(Record(RecordKind.GAPS, body))
         return batch
@@ -411,9 +486,11 @@ class _PacketEncoder:
 class _RecordingWriter:
     def __init__(self, stream: IO[bytes], limits: _Limits) -> None:
         self._stream, self._limits = stream, limits
-        self.checksum, self.size = 0, 0
-        self._links: Bytes | None = None
-        self._page, self._at = 0, 0
+        self._out = stream
+        self._chunks, self._pages = ChunkPacker(), PageWriter()
+        self._at, self._position = 0, 0
+        self._checksum, self._is_in_order = 0, True
+        self.size = 0
 
     def admit(self, size: int) -> None:
         self._limits.check(self._at + size, self._limits.bytes, "bytes")
@@ -421,29 +498,56 @@ class _RecordingWriter:
     def start_pages(self, body: bytes) -> None:
         reader = Reader(body)
         page = reader.number()
-        check(not self._at and not self._page and SMALLEST_PAGE <= page <= LARGEST_PAGE)
+        check(not self._at and not self._pages.page and SMALLEST_PAGE <= page <= LARGEST_PAGE)
         links = decompress_bytes(reader, lambda size: None)
         check(len(links) % LINK_BYTES == 0)
-        self._page, self._links = page - LINK_BYTES, decode_links(links)
+        self._pages = PageWriter(page, decode_links(links))
+
+    def start_payloads(self, body: bytes) -> None:
+        check(not self._at)
+        self._pages.set_payloads(body)
+        if not self._stream.seekable():
+            self._out = TemporaryFile()  # noqa: SIM115 (closed by `close`)
+
+    def start_chunks(self, body: bytes) -> None:
+        self._chunks.add_record(body)
 
     def write(self, data: bytes) -> None:
-        remaining = memoryview(data)
-        while self._links is not None and remaining:
-            number, within = divmod(self._at, self._page)
-            if within == 0:
-                check(number < len(self._links))
-                self._put(self._links[number].tobytes())
-            part = remaining[: self._page - within]
-            self._put(part)
-            self._at += len(part)
-            remaining = remaining[len(part) :]
-        self._put(remaining)
-        self._at += len(remaining)
+        self._at += len(data)
+        for part in self._chunks.pack(data):
+            for place, piece in self._pages.pieces(part):
+                self._put(place, piece)
 
-    def _put(self, data: bytes | memoryview) -> None:
-        self.checksum = zlib.crc32(data, self.checksum)
+    def _put(self, place: int, data: bytes | memoryview) -> None:
+        if place != self._position:
+            self._is_in_order = False
+            self._out.seek(place)
+        elif self._is_in_order:
+            self._checksum = zlib.crc32(data, self._checksum)
+        self._out.write(data)
+        self._position = place + len(data)
         self.size += len(data)
-        self._stream.write(data)
+
+    def finish(self, end: bytes) -> None:
+        """Verify the number of bytes and their checksum, which are the body of an END record."""
+        if not self._is_in_order:
+            self._checksum = 0
+            self._out.seek(0)
+            while part := self._out.read(_PORTION):
+                self._checksum = zlib.crc32(part, self._checksum)
+        if end != _end(self.size, self._checksum):
+            fault = "the stream is damaged, or holds no recording"
+            if others := self._chunks.other_versions():
+                fault = f"chunks can only be compressed as they were by {others}"
+            raise InputError(fault)
+        if self._out is not self._stream:
+            self._out.seek(0)
+            copyfileobj(self._out, self._stream)
+
+    def close(self) -> None:
+        """Delete the temporary copy of a recording whose pages are not written in their order."""
+        if self._out is not self._stream:
+            self._out.close()
 
 
 class _Counted:
@@ -458,38 +562,91 @@ class _Counted:
         return data
 
 
+class _Restorer:
+    """Decoder of the records of a recording, in the order of the stream."""
+
+    def __init__(self, stream: IO[bytes], limits: _Limits, summary: RecordingSummary) -> None:
+        self._limits, self._summary = limits, summary
+        self.writer = writer = _RecordingWriter(stream, limits)
+        self._packets = PacketsDecoder(2 * _WINDOW)
+        self._clouds = CloudsDecoder(self._admit_cloud)
+        self._places = b""
+        self._handlers: dict[RecordKind, Callable[[bytes], None]] = {
+            RecordKind.PAGES: writer.start_pages,
+            RecordKind.PAYLOADS: writer.start_payloads,
+            RecordKind.CHUNKS: writer.start_chunks,
+            RecordKind.LAYOUT: self._packets.start_layout,
+            RecordKind.TURN: self._add_turn,
+            RecordKind.FIELDS: self._packets.add_fields,
+            RecordKind.CLOUD_LAYOUT: self._clouds.start_layout,
+            RecordKind.CLOUD: self._add_cloud,
+            RecordKind.PLACES: self._add_places,
+            RecordKind.GAPS: self._add_gaps,
+        }
+
+    def add(self, record: Record) -> None:
+        self._handlers.get(record.kind, self.writer.finish)(record.body)
+
+    def _admit_cloud(self, size: int) -> None:
+        self._summary.ranges += cloud_ranges(size)
+        self._limits.check(self._summary.ranges, self._limits.ranges, "ranges")
+
+    def _add_turn(self, body: bytes) -> None:
+        self._summary.returns += self._packets.add_turn(body)
+        self._summary.turns += 1
+
+    def _add_cloud(self, body: bytes) -> None:
+        self._summary.points += self._clouds.add_cloud(body)
+        self._summary.clouds += 1
+
+    def _add_places(self, body: bytes) -> None:
+        self._places = body
+
+    def _add_gaps(self, body: bytes) -> None:
+        count, pieces = self._packets.take()
+        self._summary.packets += count
+        pieces = _with_clouds(pieces, self._clouds.take(), self._places)
+        self._places = b""
+        reader = Reader(body)
+        check(reader.number() == len(pieces))
+        gaps = decode_gaps(reader, len(pieces) + 1, self.writer.admit)
+        self.writer.write(b"".join(chain(*zip_longest(gaps, pieces, fillvalue=b""))))
+
+
 def _restore(
     source: _Counted, stream: IO[bytes], trusted: bool, report: Report
 ) -> RecordingSummary:
-    summary, packets = RecordingSummary(), PacketsDecoder(2 * _WINDOW)
-    limits, done = _Limits(0, trusted), 0
-    writer = _RecordingWriter(stream, limits)
-    for record in _within_limits(source, limits, summary):
-        done += len(record.body)
-        if source.size is not None:
-            report(done, source.size)
-        if record.kind == RecordKind.PAGES:
-            writer.start_pages(record.body)
-        elif record.kind == RecordKind.LAYOUT:
-            packets.start_layout(record.body)
-        elif record.kind == RecordKind.TURN:
-            summary.returns += packets.add_turn(record.body)
-            summary.turns += 1
-        elif record.kind == RecordKind.FIELDS:
-            packets.add_fields(record.body)
-        elif record.kind == RecordKind.GAPS:
-            count, pieces = packets.take()
-            summary.packets += count
-            reader = Reader(record.body)
-            check(reader.number() == len(pieces))
-            gaps = decode_gaps(reader, len(pieces) + 1, writer.admit)
-            writer.write(b"".join(chain(*zip_longest(gaps, pieces, fillvalue=b""))))
-        elif record.body != _end(writer.size, writer.checksum):
-            raise InputError("the stream is damaged, or holds no recording")
+    summary, limits, done = RecordingSummary(), _Limits(0, trusted), 0
+    restorer = _Restorer(stream, limits, summary)
+    with closing(restorer.writer) as writer:
+        for record in _within_limits(source, limits, summary):
+            done += len(record.body)
+            if source.size is not None:
+                report(done, source.size)
+            restorer.add(record)
     if source.size is not None:
         report(source.size, source.size)
     summary.bytes, summary.compressed = writer.size, source.count
     return summary
+
+
+def _with_clouds(pieces: list[bytes], clouds: list[bytes], places: bytes) -> list[bytes]:
+    """Return the pieces of packets and the clouds in their order in the recording.
+
+    `places` are the numbers of pieces before each cloud, and empty if there are only pieces or only
+    clouds.
+    """
+    if not places:
+        check(not pieces or not clouds)
+        return pieces or clouds
+    reader, first, together = Reader(places), 0, []
+    for cloud in clouds:
+        end = reader.number()
+        check(first <= end <= len(pieces))
+        together += [*pieces[first:end], cloud]
+        first = end
+    check(not reader.rest())
+    return [*together, *pieces[first:]]
 
 
 def _within_limits(
@@ -505,7 +662,7 @@ def _within_limits(
             if kind is None:
                 raise InputError(DAMAGED)
             summary.ranges += count_values(kind, record.body)
-        if record.kind in (RecordKind.LAYOUT, RecordKind.TURN, RecordKind.FIELDS):
+        if record.kind in _BATCH_KINDS:
             size += len(record.body)
             check(size <= _MOST_BATCH_BYTES)
             continue

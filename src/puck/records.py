@@ -47,10 +47,13 @@ class RecordKind(IntEnum):
     """Kind of a record, which says what the record's body contains.
 
     The kinds are: end of the stream, layout of images, turn, bytes between packets, page links of
-    an SQLite file, beams of the sensor, and further fields of the last turn's packets.
+    an SQLite file, beams of the sensor, further fields of the last turn's packets, layout of
+    clouds, cloud, places of clouds between packets, compressed chunks that were opened, and long
+    rows of an SQLite file.
     """
 
     END, LAYOUT, TURN, GAPS, PAGES, BEAMS, FIELDS = range(7)
+    CLOUD_LAYOUT, CLOUD, PLACES, CHUNKS, PAYLOADS = range(7, 12)
 
 
 @dataclass(frozen=True)

@@ -6,8 +6,6 @@ coded separately, so that packets are contiguous in the other bytes.
 
 from __future__ import annotations
 
-from typing import IO
-
 import numpy as np
 
 from puck.gaps import MOST_RAW_BYTES, Bytes
@@ -15,7 +13,6 @@ from puck.gaps import MOST_RAW_BYTES, Bytes
 LINK_BYTES = 4
 SMALLEST_PAGE, LARGEST_PAGE = 512, 1 << 16
 MAGIC = b"SQLite format 3\x00"
-_PAGES_AT_ONCE = 256
 
 
 def page_size(start: bytes, size: int) -> int:
@@ -30,15 +27,6 @@ def page_size(start: bytes, size: int) -> int:
     if page < SMALLEST_PAGE or size % page:
         return 0
     return 0 if size // page * LINK_BYTES > MOST_RAW_BYTES else page
-
-
-def read_links(stream: IO[bytes], page: int) -> Bytes:
-    """Return the first four bytes of each page of a file, (n, 4), from its position to its end."""
-    parts = []
-    while content := stream.read(_PAGES_AT_ONCE * page):
-        rows = np.frombuffer(content, np.uint8, len(content) // page * page).reshape(-1, page)
-        parts.append(rows[:, :LINK_BYTES].copy())
-    return np.concatenate(parts)
 
 
 def encode_links(links: Bytes) -> bytes:

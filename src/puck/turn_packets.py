@@ -112,8 +112,9 @@ def _index_of_recording(path: Path) -> TurnIndex | None:
         if not is_packet_capture(windows.next(_START_BYTES)[0].tobytes()):
             return None
         formats = formats_of(path)
-        for content, (form, places) in search(windows, formats):
-            turns = [*FoundPackets(form, places).turns(content)]
+        for content, packets, _ in search(windows, formats):
+            form, places = packets
+            turns = [*packets.turns(content)]
             found |= {(kind, formats.index(form)) for kind, _ in turns}
             if len(found) > 1:
                 return None
