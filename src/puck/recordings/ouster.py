@@ -28,7 +28,7 @@ _COLUMNS = (512, 1024, 2048, 4096)
 _MOST_DEG = 90.0
 _LASERS = (16, 32, 64, 128)
 _MOST_LATE = 16
-"""Number of revolutions by which the counter of revolutions falls only if the sensor starts anew."""
+"""Most revolutions by which the counter of revolutions falls unless the sensor starts anew."""
 _COLUMNS_PER_PACKET, _USUAL_COLUMNS = range(1, 129), 16
 """Allowed numbers of columns in a packet, and the usual number."""
 _HALF_TURN = (-1.0, 0.0, 0.0, 0.0, 0.0, -1.0, 0.0, 0.0, 0.0, 0.0, 1.0)
@@ -376,9 +376,9 @@ def packet_times(packets: NDArray[Any]) -> NDArray[np.int64]:
     """
     columns = packets["columns"]
     is_data = columns["status"] & 1 == 1
-    times = columns["time"][np.arange(len(columns)), is_data.argmax(axis=1)].astype(np.int64)
-    rows = np.where(is_data.any(axis=1), np.arange(len(columns)), 0)
-    return times[np.maximum.accumulate(rows)]
+    rows = np.arange(len(columns))
+    times: NDArray[np.int64] = columns["time"][rows, is_data.argmax(axis=1)].astype(np.int64)
+    return times[np.maximum.accumulate(np.where(is_data.any(axis=1), rows, 0))]
 
 
 def frame_numbers(packets: NDArray[Any]) -> NDArray[np.int64]:

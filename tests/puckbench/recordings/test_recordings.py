@@ -46,7 +46,8 @@ def test_a_turn_begins_with_the_packet_that_passes_azimuth_zero() -> None:
     before = table.select((packets < 2) & (table["turn"] == 0))
     after = table.select((packets == 2) & (table["turn"] == 1))
     assert np.degrees(before["azimuth"]).min() >= 350
-    assert (np.degrees(after["azimuth"]) > 359).any() and (np.degrees(after["azimuth"]) < 1).any()
+    assert (np.degrees(after["azimuth"]) > 359).any()
+    assert (np.degrees(after["azimuth"]) < 1).any()
 
 
 def test_firings_without_a_return_have_no_row() -> None:
