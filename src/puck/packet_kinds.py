@@ -9,7 +9,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import replace
-from io import BytesIO
 from itertools import accumulate, pairwise
 from pathlib import Path
 from typing import NamedTuple
@@ -19,11 +18,11 @@ from numpy.typing import NDArray
 
 from pointkit.coding.byte_io import Reader
 from pointkit.errors import InputError
-from pointkit.lidar.turns import Layout, Turn
+from pointkit.lidar.turns import Turn
 from puck.fields import FieldsDecoder, FieldsEncoder
 from puck.gaps import compress_bytes, decompress_bytes
 from puck.options import CodingOptions
-from puck.recordings.ouster import PROFILES, metadata_beside, read_sensor
+from puck.recordings.ouster import metadata_beside, read_sensor
 from puck.recordings.ouster_packets import OusterKind
 from puck.recordings.packet_turns import (
     PacketKind,
@@ -40,9 +39,7 @@ from puck.records import (
     Record,
     RecordKind,
     check,
-    check_ranges,
     count_ranges,
-    read_records,
 )
 from puck.returns_header import decode_layout, encode_layout
 from puck.turns import TurnDecoder, TurnEncoder, is_key
@@ -77,12 +74,14 @@ _HOLES = (50, 52, 54, 68)
 """Bytes of headers between IP fragments: pcap (Ethernet, Linux cooked, VLAN) and pcapng."""
 
 
-def formats_of(recording: Path) -> list[PacketFormat]:
+def formats_of(recording: Path | None) -> list[PacketFormat]:
     """Return the formats of packets to search for in a recording, in the order of the search.
+
+    `recording` is the path of the file; it is None for a recording that comes from a pipe.
 
     An Ouster's formats come first if the sensor's metadata (JSON) lie beside the recording.
     """
-    metadata = metadata_beside(recording)
+    metadata = metadata_beside(recording) if recording else None
     try:
         whole = OusterKind.of(read_sensor(metadata)) if metadata else None
     except InputError:
@@ -114,85 +113,6 @@ def count_values(kind: Kind, body: bytes) -> int:
     """Return the number of ranges plus the number of further field values in a coded turn."""
     images = len(kind.channels) if isinstance(kind, OusterKind) else 0
     return count_ranges(kind.layout, body) * (1 + images)
-
-
-class _CodedTurn(NamedTuple):
-    layout: Layout
-    kind: OusterKind | None  # if reflectivities are coded with the fields
-    body: bytes
-    fields: bytes | None = None
-
-    def ranges(self) -> int:
-        if self.kind is None:
-            return count_ranges(self.layout, self.body)
-        return count_values(self.kind, self.body)
-
-
-def decode_turns(stream: bytes, first: int = 0, end: int | None = None) -> list[Turn]:
-    """Decode some turns of a stream or of a compressed recording.
-
-    Parameters
-    ----------
-    stream
-        The bytes of a whole stream that `encode_turns`, `encode_returns` or `compress` wrote.
-    first, end
-        The turns from `first` to `end` - 1, counted from 0, are decoded. If `end` is None, all
-        turns from `first` on are decoded. Most turns need the turn before them; decoding therefore
-        starts at the last key turn up to `first`.
-
-    Returns
-    -------
-    list of Turn
-        The turns in chronological order. They lack an Ouster's signals and ambient light, which
-        only `decompress` restores.
-
-    Raises
-    ------
-    InputError
-        The stream is damaged, or has more ranges than a stream of its size may hold.
-    """
-    layout: Layout | None = None
-    turns: list[_CodedTurn] = []
-    for record in read_records(BytesIO(stream)):
-        if record.kind == RecordKind.LAYOUT:
-            layout, code = decode_layout(record.body)
-            kind = OusterKind.decode(layout, code) if len(code) == _OUSTER_CODE_BYTES else None
-            kind = kind if kind and PROFILES[kind.profile].signals else None
-        elif record.kind == RecordKind.TURN:
-            if layout is None:
-                raise InputError(DAMAGED)
-            turns.append(_CodedTurn(layout, kind, record.body))
-        elif record.kind == RecordKind.FIELDS and turns:
-            turns[-1] = turns[-1]._replace(fields=record.body)
-    turns = turns[: None if end is None else max(end, 0)]
-    if first >= len(turns):
-        return []
-    start = max((k for k in range(first + 1) if is_key(turns[k].body)), default=0)
-    check_ranges(sum(turn.ranges() for turn in turns[start:]), len(stream))
-    return _decoded(turns[start:])[first - start :]
-
-
-def _decoded(coded: list[_CodedTurn]) -> list[Turn]:
-    turns: list[Turn] = []
-    format_of_turn: tuple[Layout, OusterKind | None] | None = None
-    for each in coded:
-        kind = each.kind
-        if (each.layout, kind) != format_of_turn:
-            format_of_turn, decoder = (each.layout, kind), TurnDecoder(each.layout)
-            fields = FieldsDecoder(kind) if kind else None
-        turn = decoder.decode(each.body)
-        if kind and fields:
-            if each.fields is None:
-                raise InputError(DAMAGED)
-            rest = fields.decode(each.fields, turn, is_key=is_key(each.body))
-            images = [
-                image
-                for image, channel in zip(rest.images, kind.channels, strict=True)
-                if channel.signal is not None
-            ]
-            turn = replace(turn, reflectivities=np.stack(images).astype(np.uint8))
-        turns.append(turn)
-    return turns
 
 
 class PacketsEncoder:

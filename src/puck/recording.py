@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import zlib
 from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from functools import partial
 from itertools import chain, zip_longest
@@ -18,7 +19,7 @@ from numpy.typing import NDArray
 
 from pointkit.coding.byte_io import Reader, base_128
 from pointkit.errors import InputError, naming
-from pointkit.files import open_file, refuse_special, unreadable, written_whole
+from pointkit.files import open_file, written_whole
 from puck.gaps import Bytes, compress_bytes, decode_gaps, decompress_bytes, encode_gaps, store_gaps
 from puck.options import CodingOptions
 from puck.packet_kinds import (
@@ -38,12 +39,13 @@ from puck.sqlite_pages import (
     SMALLEST_PAGE,
     decode_links,
     encode_links,
-    page_size,
-    without_links,
 )
+from puck.windows import Windows, windows_of
 
 _WINDOW = 1 << 24
 """Number of bytes that are searched for packets at a time. Their turns form a batch."""
+_MOST_BATCH_BYTES = 1 << 26
+"""Maximum number of bytes of a batch's turns in a stream, which are held in memory."""
 _MANY_BYTES, _BYTES_PER_BYTE = 3 << 24, 40
 """Limit of a restored recording's size: a constant, and more for each byte of the stream."""
 _FRAME_BYTES = 16
@@ -102,8 +104,10 @@ class RecordingSummary(_Counts):
         }
 
 
-@dataclass(frozen=True)
+@dataclass
 class _Limits:
+    """Limits of what the first `size` bytes of a stream may hold."""
+
     size: int
     trusted: bool = False
 
@@ -129,26 +133,31 @@ class _Batch(_Counts):
 
 
 def compress(
-    recording: Path, out: Path, options: CodingOptions | None = None, report: Report | None = None
+    recording: Path | IO[bytes],
+    out: Path | IO[bytes],
+    options: CodingOptions | None = None,
+    report: Report | None = None,
 ) -> RecordingSummary:
     """Compress any file so that `decompress` restores it bit for bit.
 
     The function finds data packets of known sensors by their content, and codes the packets of a
     revolution as one turn. LZMA compresses all other bytes. Packets of an Ouster are found only if
-    the sensor's metadata (JSON) lie beside the recording.
+    the sensor's metadata (JSON) lie beside the recording. The recording is read once, in windows of
+    16 MiB; memory does not grow with its size.
 
     Parameters
     ----------
     recording
-        Packet capture, ROS bag, or any other file.
+        Packet capture, ROS bag, or any other file; or a binary stream, such as a pipe.
     out
-        File to write. If compression fails, no incomplete file is left.
+        File to write, or a binary stream. If compression fails, no incomplete file is left; a
+        stream may have taken a part.
     options
         Options of encoding. Only `effort` and `key_every` may differ from their defaults, since
         nothing may be lost.
     report
         Function that is called with the number of processed bytes and the number of all bytes, to
-        show progress.
+        show progress. It is not called for a stream, whose size is not known.
 
     Returns
     -------
@@ -158,21 +167,18 @@ def compress(
     Raises
     ------
     InputError
-        The recording cannot be read, `out` cannot be written or is the recording itself, or
-        `options` are lossy.
+        The recording cannot be read, or is an empty stream; `out` cannot be written or is the
+        recording itself; or `options` are lossy.
     """
     options = options or CodingOptions()
     if options.step != 1 or not options.times or not options.reflectivities:
         raise InputError("a recording is compressed without loss and with all that is in it")
     _check_different(recording, out)
-    data = _mapped(recording)
-    summary = RecordingSummary(bytes=len(data))
-    with written_whole(out) as temporary, temporary.open("wb") as stream:
+    summary = RecordingSummary()
+    with windows_of(recording) as windows, _written(out) as stream:
         summary.compressed = stream.write(start())
-        formats = formats_of(recording)
-        for record in _records(
-            data, formats, options, summary, report or (lambda done, size: None)
-        ):
+        formats = formats_of(recording if isinstance(recording, Path) else None)
+        for record in _records(windows, formats, options, summary, report):
             size = stream.write(record.packed())
             name = record.kind.name.lower()
             summary.parts[name] = summary.parts.get(name, 0) + size
@@ -181,19 +187,24 @@ def compress(
 
 
 def decompress(
-    path: Path, out: Path, report: Report | None = None, *, trusted: bool = False
+    path: Path | IO[bytes],
+    out: Path | IO[bytes],
+    report: Report | None = None,
+    *,
+    trusted: bool = False,
 ) -> RecordingSummary:
     """Restore a file that `compress` compressed, and verify its checksum.
 
     Parameters
     ----------
     path
-        File that `compress` wrote (.puck).
+        File that `compress` wrote (.puck); or a binary stream, such as a pipe.
     out
-        File to write. If decompression fails, no incomplete file is left.
+        File to write, or a binary stream. If decompression fails, no incomplete file is left; a
+        stream may have taken a part.
     report
         Function that is called with the number of processed bytes and the number of all bytes of
-        the stream, to show progress.
+        the stream, to show progress. It is not called if `path` is a stream.
     trusted
         Whether to restore a file of any size. By default, the function refuses to write more than
         48 MiB plus 40 bytes for each byte of the stream, because a small stream can be made to fill
@@ -211,61 +222,65 @@ def decompress(
         large; or a file cannot be read or written.
     """
     _check_different(path, out)
-    source = open_file(path)
-    size = path.stat().st_size
-    with source, written_whole(out) as temporary, temporary.open("wb") as stream, naming(path):
-        return _restore(source, stream, _Limits(size, trusted), report or (lambda done, size: None))
+    with _opened(path) as source, _written(out) as stream:
+        return _restore(source, stream, trusted, report or _no_report)
 
 
-def _check_different(source: Path, out: Path) -> None:
+def _check_different(source: Path | IO[bytes], out: Path | IO[bytes]) -> None:
+    if not isinstance(source, Path) or not isinstance(out, Path):
+        return
     if source.exists() and out.exists() and source.samefile(out):
         raise InputError(f"{out}: is the file that is read; name another one to write")
 
 
-def _mapped(path: Path) -> Bytes:
-    refuse_special(path)
-    try:
-        if path.stat().st_size == 0:
-            return np.zeros(0, np.uint8)
-        data: Bytes = np.asarray(np.memmap(path, np.uint8, "r"))
-    except (OSError, ValueError) as error:
-        if path.is_dir():
-            raise InputError(f"{path}: a folder; compress the files in it") from error
-        raise unreadable(path, error if isinstance(error, OSError) else OSError()) from error
-    return data
+@contextmanager
+def _opened(path: Path | IO[bytes]) -> Iterator[_Counted]:
+    if isinstance(path, Path):
+        with open_file(path) as stream, naming(path):
+            yield _Counted(stream, path.stat().st_size)
+    else:
+        yield _Counted(path)
+
+
+@contextmanager
+def _written(out: Path | IO[bytes]) -> Iterator[IO[bytes]]:
+    if isinstance(out, Path):
+        with written_whole(out) as temporary, temporary.open("wb") as stream:
+            yield stream
+    else:
+        yield out
+        out.flush()
 
 
 def _records(
-    data: Bytes,
+    windows: Windows,
     formats: list[PacketFormat],
     options: CodingOptions,
     summary: RecordingSummary,
-    report: Report,
+    report: Report | None,
 ) -> Iterator[Record]:
-    page = page_size(data)
-    checksum = _checksum(data)
-    size = len(data)
-    if page:
-        pages = data.reshape(-1, page)
-        links = compress_bytes(encode_links(pages[:, :LINK_BYTES]), are_headers=True)
-        yield Record(RecordKind.PAGES, base_128(page) + links)
-        size = len(pages) * (page - LINK_BYTES)
-    encoder = _PacketEncoder(options)
-    done = 0
-    while done < size:
-        window = without_links(data, page, done, min(done + _WINDOW, size))
-        packets = _find(formats, window)
-        is_last = done + len(window) == size
-        # A packet that the window cuts off is found in the next window.
-        largest = max(each.span for each in formats)
-        end = len(window) if is_last else max(len(window) - largest + 1, packets.end())
-        batches = encoder.batches(window[:end], packets, partial(_report_at, report, done, size))
-        batch = next(batch for batch in batches if _fits(batch, summary, done + end))
+    size = windows.size or 0
+    if windows.page:
+        links = windows.links()
+        packed = compress_bytes(encode_links(links), are_headers=True)
+        yield Record(RecordKind.PAGES, base_128(windows.page) + packed)
+        size = len(links) * (windows.page - LINK_BYTES)
+    if report is None or windows.size is None:
+        report = _no_report
+    encoder, done = _PacketEncoder(options), 0
+    for content, packets in search(windows, formats):
+        batches = encoder.batches(content, packets, partial(_report_at, report, done, size))
+        done += len(content)
+        batch = next(batch for batch in batches if _fits(batch, summary, done))
         summary.add(batch)
         yield from batch.records
-        done += end
         report(done, size)
-    yield Record(RecordKind.END, summary.bytes.to_bytes(8, "little") + checksum)
+    summary.bytes = windows.read
+    yield Record(RecordKind.END, _end(windows.read, windows.checksum))
+
+
+def _no_report(done: int, size: int) -> None:
+    pass
 
 
 def _report_at(report: Report, done: int, size: int, within: int) -> None:
@@ -279,14 +294,9 @@ def _fits(batch: _Batch, summary: RecordingSummary, done: int) -> bool:
     return summary.ranges + batch.ranges <= limits.ranges and done <= limits.bytes
 
 
-def _checksum(data: Bytes) -> bytes:
-    checksum = 0
-    for first in range(0, len(data), _WINDOW):
-        checksum = zlib.crc32(data[first : first + _WINDOW].tobytes(), checksum)
-    return checksum.to_bytes(4, "little")
+class FoundPackets(NamedTuple):
+    """Packets of one format that were found in a part of a recording, at ascending places."""
 
-
-class _Packets(NamedTuple):
     format: PacketFormat
     places: NDArray[np.int64]
 
@@ -302,14 +312,49 @@ class _Packets(NamedTuple):
         pieces = zip(starts, self.format.pieces, strict=True)
         return np.concatenate([views[:, at : at + size] for at, size in pieces], axis=1)
 
+    def turns(self, data: Bytes) -> Iterator[tuple[Kind, Payloads]]:
+        return self.format.split_turns(self.payloads(data)) if len(self.places) else iter(())
 
-def _find(formats: list[PacketFormat], data: Bytes) -> _Packets:
-    best = _Packets(formats[0], formats[0].find(data))
+
+def search(windows: Windows, formats: list[PacketFormat]) -> Iterator[tuple[Bytes, FoundPackets]]:
+    """Search a recording for packets, window by window.
+
+    Yields
+    ------
+    content
+        The next part of the recording's content.
+    packets
+        Packets in this part, of the format that covers most of it. A packet or turn that a window
+        cuts off is found in the next part.
+    """
+    largest, is_last = max(each.span for each in formats), windows.size == 0
+    while not is_last:
+        window, is_last = windows.next(_WINDOW)
+        packets, end = _find(formats, window), len(window)
+        if not is_last:
+            end = max(end - largest + 1, packets.end())
+            whole = _without_last_turn(packets, window)
+            if len(whole.places) < len(packets.places):
+                packets, end = whole, whole.end()
+        yield window[:end], packets
+        windows.skip(end)
+
+
+def _without_last_turn(packets: FoundPackets, window: Bytes) -> FoundPackets:
+    lengths = [len(payloads) for _, payloads in packets.turns(window)]
+    count = sum(lengths[:-1])
+    # So that windows do not overlap by more than half.
+    is_late = count and packets.places[count] > len(window) // 2
+    return packets._replace(places=packets.places[:count]) if is_late else packets
+
+
+def _find(formats: list[PacketFormat], data: Bytes) -> FoundPackets:
+    best = FoundPackets(formats[0], formats[0].find(data))
     for each in formats[1:]:
         if 2 * best.bytes() > len(data):
             break
-        packets = _Packets(each, each.find(data))
-        best = max(best, packets, key=_Packets.bytes)
+        packets = FoundPackets(each, each.find(data))
+        best = max(best, packets, key=FoundPackets.bytes)
     return best
 
 
@@ -319,7 +364,7 @@ class _PacketEncoder:
         self._packets: PacketsEncoder | None = None
 
     def batches(
-        self, data: Bytes, packets: _Packets, report: Callable[[int], None]
+        self, data: Bytes, packets: FoundPackets, report: Callable[[int], None]
     ) -> Iterator[_Batch]:
         """Yield three encodings of `data`, of which the caller uses the first within the decoder's
         limits.
@@ -333,12 +378,11 @@ class _PacketEncoder:
         for encode in (encode_gaps, store_gaps):
             yield _Batch(records=[Record(RecordKind.GAPS, base_128(0) + encode(gaps))])
 
-    def _batch(self, data: Bytes, packets: _Packets, report: Callable[[int], None]) -> _Batch:
+    def _batch(self, data: Bytes, packets: FoundPackets, report: Callable[[int], None]) -> _Batch:
         batch, (packet_format, places) = _Batch(), packets
-        if len(places):
-            for kind, payloads in packet_format.split_turns(packets.payloads(data)):
-                self._add_turn(kind, payloads, batch)
-                report(int(places[batch.packets - 1]))
+        for kind, payloads in packets.turns(data):
+            self._add_turn(kind, payloads, batch)
+            report(int(places[batch.packets - 1]))
         pieces = (places[:, None] + packet_format.starts).ravel()
         starts = np.concatenate([[0], pieces + np.tile(packet_format.pieces, len(places))])
         ends = np.concatenate([pieces, [len(data)]])
@@ -378,10 +422,9 @@ class _RecordingWriter:
         reader = Reader(body)
         page = reader.number()
         check(not self._at and not self._page and SMALLEST_PAGE <= page <= LARGEST_PAGE)
-        content = page - LINK_BYTES
-        links = decompress_bytes(reader, lambda size: self.admit(size // LINK_BYTES * content))
+        links = decompress_bytes(reader, lambda size: None)
         check(len(links) % LINK_BYTES == 0)
-        self._page, self._links = content, decode_links(links)
+        self._page, self._links = page - LINK_BYTES, decode_links(links)
 
     def write(self, data: bytes) -> None:
         remaining = memoryview(data)
@@ -403,17 +446,28 @@ class _RecordingWriter:
         self._stream.write(data)
 
 
+class _Counted:
+    """Stream that counts the bytes read from it; its `size` is None for a pipe."""
+
+    def __init__(self, stream: IO[bytes], size: int | None = None) -> None:
+        self._stream, self.size, self.count = stream, size, 0
+
+    def read(self, size: int, /) -> bytes:
+        data = self._stream.read(size)
+        self.count += len(data)
+        return data
+
+
 def _restore(
-    source: IO[bytes], stream: IO[bytes], limits: _Limits, report: Report
+    source: _Counted, stream: IO[bytes], trusted: bool, report: Report
 ) -> RecordingSummary:
-    summary, packets = RecordingSummary(compressed=limits.size), PacketsDecoder(2 * _WINDOW)
+    summary, packets = RecordingSummary(), PacketsDecoder(2 * _WINDOW)
+    limits, done = _Limits(0, trusted), 0
     writer = _RecordingWriter(stream, limits)
-    summary.ranges = _all_ranges(source)
-    limits.check(summary.ranges, limits.ranges, "ranges")
-    source.seek(0)
-    for record in read_records(source):
-        if record.kind != RecordKind.END:
-            report(source.tell(), limits.size)
+    for record in _within_limits(source, limits, summary):
+        done += len(record.body)
+        if source.size is not None:
+            report(done, source.size)
         if record.kind == RecordKind.PAGES:
             writer.start_pages(record.body)
         elif record.kind == RecordKind.LAYOUT:
@@ -430,24 +484,36 @@ def _restore(
             check(reader.number() == len(pieces))
             gaps = decode_gaps(reader, len(pieces) + 1, writer.admit)
             writer.write(b"".join(chain(*zip_longest(gaps, pieces, fillvalue=b""))))
-        elif record.body != _end(writer):
+        elif record.body != _end(writer.size, writer.checksum):
             raise InputError("the stream is damaged, or holds no recording")
-    report(limits.size, limits.size)
-    summary.bytes = writer.size
+    if source.size is not None:
+        report(source.size, source.size)
+    summary.bytes, summary.compressed = writer.size, source.count
     return summary
 
 
-def _end(writer: _RecordingWriter) -> bytes:
-    return writer.size.to_bytes(8, "little") + writer.checksum.to_bytes(4, "little")
-
-
-def _all_ranges(source: IO[bytes]) -> int:
-    ranges, kind = 0, None
+def _within_limits(
+    source: _Counted, limits: _Limits, summary: RecordingSummary
+) -> Iterator[Record]:
+    """Yield the records of a stream, those of a batch after all of it is read and checked."""
+    batch, kind, size = list[Record](), None, 0
     for record in read_records(source):
+        batch.append(record)
         if record.kind == RecordKind.LAYOUT:
             kind = decode_kind(record.body)
         elif record.kind == RecordKind.TURN:
             if kind is None:
                 raise InputError(DAMAGED)
-            ranges += count_values(kind, record.body)
-    return ranges
+            summary.ranges += count_values(kind, record.body)
+        if record.kind in (RecordKind.LAYOUT, RecordKind.TURN, RecordKind.FIELDS):
+            size += len(record.body)
+            check(size <= _MOST_BATCH_BYTES)
+            continue
+        limits.size = source.count
+        limits.check(summary.ranges, limits.ranges, "ranges")
+        yield from batch
+        batch, size = [], 0
+
+
+def _end(size: int, checksum: int) -> bytes:
+    return size.to_bytes(8, "little") + checksum.to_bytes(4, "little")

@@ -152,11 +152,28 @@ def read_turns(
     with naming(source or path):
         packets = read_packets(path, stream, source, topic)
         log = _interval(packets, start_s, math.inf)
-        left_out = {name: int(log.about[name]) for name in LEFT_OUT if log.about.get(name)}
-        if log.sensor:
-            return RecordedTurns(*ouster_turns(log.sensor, log.payloads), left_out)
-        returns = returns_of_packets(log.payloads, _unit(packets, source or path))
-        return RecordedTurns(returns, range(1, len(returns.turns) - 1), left_out)
+        return turns_of_packets(log, source or path, packets)
+
+
+def turns_of_packets(
+    log: PacketLog, source: Path, calibrating: PacketLog | None = None
+) -> RecordedTurns:
+    """Decode packets to turns.
+
+    Parameters
+    ----------
+    log
+        The packets.
+    source
+        Path of the recording, beside which a calibration may lie.
+    calibrating
+        Packets from which the calibration of an HDL-64E is read; by default, those of `log`.
+    """
+    left_out = {name: int(log.about[name]) for name in LEFT_OUT if log.about.get(name)}
+    if log.sensor:
+        return RecordedTurns(*ouster_turns(log.sensor, log.payloads), left_out)
+    returns = returns_of_packets(log.payloads, _unit(calibrating or log, source))
+    return RecordedTurns(returns, range(1, len(returns.turns) - 1), left_out)
 
 
 def read_packets(
