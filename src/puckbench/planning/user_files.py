@@ -64,7 +64,7 @@ _LOADERS: dict[Kind, str] = {
 _OPTIONS: dict[Kind, tuple[str, ...]] = {
     "clouds": ("drop_invalid", "keep_missing", "bin_columns", "metres_per_unit"),
     "meshes": ("up", "metres_per_unit"),
-    "recordings": ("topic",),
+    "recordings": ("topic", "stream"),
     "recorded_clouds": ("drop_invalid", "keep_missing", "topic"),
 }
 """Names of the loaders' options, by kind of input."""

@@ -23,7 +23,7 @@ from puck.recordings.data_packets import (
     whole_packets,
 )
 from puck.recordings.ouster import ouster_turns
-from puck.recordings.packet_order import tell_irregularities
+from puck.recordings.packet_order import in_order, tell_irregularities, without_leaps
 from puck.recordings.packet_turns import SENSORS, decode_packets, kind_codes, returns_of_packets
 from puck.recordings.packets import HDL64E, MESSAGES, SCAN, PacketLog
 from puck.recordings.pcap import Capture, read_datagrams, refuse_stream
@@ -181,7 +181,8 @@ def read_packets(
 ) -> PacketLog:
     """Read the undamaged data packets of a packet capture or a ROS bag, in the sensor's order.
 
-    Warnings tell of packets that are left out, late or lost, and of leaps of clock and azimuth.
+    Warnings tell of packets that are left out, late or lost, and of leaps of clock and azimuth. The
+    packets' clock goes on without its leaps.
 
     Parameters
     ----------
@@ -207,8 +208,9 @@ def read_packets(
         else:
             log = _packets_of_file(path, stream, topic, source)
         log_left_out(source, log.about)
+        log = in_order(log)
         tell_irregularities(source, log)
-    return log
+    return without_leaps(log)
 
 
 def _packets_of_file(path: Path, stream: str | None, topic: str | None, source: Path) -> PacketLog:
