@@ -22,14 +22,17 @@ from pointkit.files import open_file, refuse_special, unreadable, written_whole
 from puck.gaps import Bytes, compress_bytes, decode_gaps, decompress_bytes, encode_gaps, store_gaps
 from puck.options import CodingOptions
 from puck.packet_kinds import (
+    VELODYNE,
     Kind,
     PacketFormat,
     PacketsDecoder,
     PacketsEncoder,
     count_values,
     decode_kind,
+    described_sensors,
     formats_of,
 )
+from puck.recordings.ouster import sensor_of, write_metadata_beside
 from puck.recordings.packet_turns import Payloads
 from puck.records import DAMAGED, Record, RecordKind, check, most_ranges, read_records, start
 from puck.sqlite_pages import (
@@ -49,6 +52,7 @@ _MANY_BYTES, _BYTES_PER_BYTE = 3 << 24, 40
 _FRAME_BYTES = 16
 """Maximum number of bytes that state the length of a gap. A decoder counts them as output, too."""
 
+Content = bytes
 Report = Callable[[int, int], None]
 """Function that is called with the number of processed bytes and the number of all bytes."""
 
@@ -83,11 +87,14 @@ class RecordingSummary(_Counts):
         Size of the recording and size of its stream, in bytes.
     parts
         Number of bytes of the stream by kind of record.
+    metadata
+        Content of the JSON file that describes an Ouster sensor, if it is in the stream.
     """
 
     bytes: int = 0
     compressed: int = 0
     parts: dict[str, int] = field(default_factory=dict)
+    metadata: Content = b""
 
     def as_json(self) -> dict[str, Any]:
         """Return sizes, compressed share (``share``) and counts by name, as the commands print."""
@@ -135,7 +142,8 @@ def compress(
 
     The function finds data packets of known sensors by their content, and codes the packets of a
     revolution as one turn. LZMA compresses all other bytes. Packets of an Ouster are found only if
-    the sensor's metadata (JSON) lie beside the recording.
+    the sensor's metadata are in the recording, which is a bag, or in a JSON file beside it. The
+    stream then contains this file.
 
     Parameters
     ----------
@@ -169,9 +177,10 @@ def compress(
     summary = RecordingSummary(bytes=len(data))
     with written_whole(out) as temporary, temporary.open("wb") as stream:
         summary.compressed = stream.write(start())
-        formats = formats_of(recording)
+        sensors, metadata = described_sensors(recording)
+        formats = formats_of(sensors)
         for record in _records(
-            data, formats, options, summary, report or (lambda done, size: None)
+            data, formats, metadata, options, summary, report or (lambda done, size: None)
         ):
             size = stream.write(record.packed())
             name = record.kind.name.lower()
@@ -184,6 +193,9 @@ def decompress(
     path: Path, out: Path, report: Report | None = None, *, trusted: bool = False
 ) -> RecordingSummary:
     """Restore a file that `compress` compressed, and verify its checksum.
+
+    If the stream contains an Ouster's metadata, they are written beside the file with the suffix
+    ``.json``, unless metadata lie there already. A warning tells if these are others.
 
     Parameters
     ----------
@@ -213,8 +225,12 @@ def decompress(
     _check_different(path, out)
     source = open_file(path)
     size = path.stat().st_size
+    limits, report = _Limits(size, trusted), report or (lambda done, size: None)
     with source, written_whole(out) as temporary, temporary.open("wb") as stream, naming(path):
-        return _restore(source, stream, _Limits(size, trusted), report or (lambda done, size: None))
+        summary = _restore(source, stream, limits, report)
+    if summary.metadata:
+        write_metadata_beside(out, summary.metadata)
+    return summary
 
 
 def _check_different(source: Path, out: Path) -> None:
@@ -238,6 +254,7 @@ def _mapped(path: Path) -> Bytes:
 def _records(
     data: Bytes,
     formats: list[PacketFormat],
+    metadata: bytes,
     options: CodingOptions,
     summary: RecordingSummary,
     report: Report,
@@ -255,6 +272,9 @@ def _records(
     while done < size:
         window = without_links(data, page, done, min(done + _WINDOW, size))
         packets = _find(formats, window)
+        if metadata and packets.places.size and packets.format is not VELODYNE:
+            yield Record(RecordKind.METADATA, compress_bytes(metadata))
+            summary.metadata, metadata = metadata, b""
         is_last = done + len(window) == size
         # A packet that the window cuts off is found in the next window.
         largest = max(each.span for each in formats)
@@ -423,6 +443,9 @@ def _restore(
             summary.turns += 1
         elif record.kind == RecordKind.FIELDS:
             packets.add_fields(record.body)
+        elif record.kind == RecordKind.METADATA:
+            summary.metadata = decompress_bytes(Reader(record.body), writer.admit)
+            sensor_of(summary.metadata, "its metadata")
         elif record.kind == RecordKind.GAPS:
             count, pieces = packets.take()
             summary.packets += count

@@ -42,10 +42,11 @@ class RecordKind(IntEnum):
     """Kind of a record, which says what the record's body contains.
 
     The kinds are: end of the stream, layout of images, turn, bytes between packets, page links of
-    an SQLite file, beams of the sensor, and further fields of the last turn's packets.
+    an SQLite file, beams of the sensor, further fields of the last turn's packets, and the file
+    beside the recording that describes the sensor.
     """
 
-    END, LAYOUT, TURN, GAPS, PAGES, BEAMS, FIELDS = range(7)
+    END, LAYOUT, TURN, GAPS, PAGES, BEAMS, FIELDS, METADATA = range(8)
 
 
 @dataclass(frozen=True)

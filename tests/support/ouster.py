@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import struct
 from collections.abc import Mapping, Sequence
-from typing import Any
+from pathlib import Path
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,6 +14,7 @@ from tests.support.capture_bytes import ethernet, ipv4, pcap, udp
 
 SERIAL = 992_137_000_142
 RADIAL_MM, HEIGHT_MM = 15.806, 36.18
+TICKS = 90112
 # Of each format: bytes of a pixel; first bit and width of ranges and reflectivities; range unit.
 FORMATS: Mapping[str, tuple[int, Sequence[tuple[int, int]], Sequence[int], int]] = {
     "LEGACY": (12, [(0, 20)], [32], 1),
@@ -83,7 +85,11 @@ def packets(profile: str, ranges: Values, reflectivities: Values, frame: int = 7
         for column in range(first, first + 16):
             time = 5_000_000_000 + frame * 100_000_000 + column * 100_000
             head = struct.pack("<QH", time, column)
-            head += struct.pack("<HI", frame, 88 * column) if is_legacy else struct.pack("<H", 1)
+            head += (
+                struct.pack("<HI", frame, column * TICKS // ranges.shape[1])
+                if is_legacy
+                else struct.pack("<H", 1)
+            )
             body += head
             for laser in range(ranges.shape[2]):
                 pixel = 0
@@ -116,3 +122,41 @@ def capture(payloads: Sequence[bytes], mtu: int = 1480) -> bytes:
             ip[4:6] = struct.pack(">H", number)
             frames.append(ethernet(bytes(ip)))
     return pcap(*frames)
+
+
+def bag(
+    path: Path,
+    payloads: Sequence[bytes],
+    about: str | None,
+    storage: Literal["ros1", "sqlite3", "mcap"] = "ros1",
+    package: str = "ouster_ros",
+    extra: bytes = b"",
+) -> Path:
+    """A bag of the driver: lidar packets, packets of the IMU, and the metadata."""
+    from rosbags import rosbag1, rosbag2
+    from rosbags.typesys import Stores, get_types_from_msg, get_typestore
+
+    is_ros1 = storage == "ros1"
+    types = get_typestore(Stores.ROS1_NOETIC if is_ros1 else Stores.ROS2_HUMBLE)
+    kind, string = f"{package}/msg/PacketMsg", "std_msgs/msg/String"
+    types.register(get_types_from_msg("uint8[] buf", kind))
+    encode = types.serialize_ros1 if is_ros1 else types.serialize_cdr
+    if is_ros1:
+        writer: Any = rosbag1.Writer(path)
+    else:
+        plugin = rosbag2.StoragePlugin[storage.upper()]
+        writer = rosbag2.Writer(path, version=8, storage_plugin=plugin)
+    with writer:
+        lidar, imu = (
+            writer.add_connection(f"/ouster/{name}_packets", kind, typestore=types)
+            for name in ("lidar", "imu")
+        )
+        if about is not None:
+            described = writer.add_connection("/ouster/metadata", string, typestore=types)
+            message = types.types[string](data=about)
+            writer.write(described, 1, bytes(encode(message, string)))
+        for number, payload in enumerate(payloads):
+            for topic, content in ((lidar, payload + extra), (imu, bytes(48))):
+                packet = types.types[kind](buf=np.frombuffer(content, np.uint8))
+                writer.write(topic, 10 + number, bytes(encode(packet, kind)))
+    return path

@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 from pointkit.errors import InputError, naming
 from pointkit.files import read_bytes
-from pointkit.lidar.return_table import ReturnTable, read_return_table, return_table_of
+from pointkit.lidar.return_table import ReturnTable, read_return_table
 from pointkit.lidar.returns import Returns
 from pointkit.lidar.sensor import Sensor
 from pointkit.lidar.sensors import load_sensor
@@ -23,11 +23,13 @@ from puck.recordings.data_packets import (
     whole_packets,
 )
 from puck.recordings.ouster import ouster_turns
+from puck.recordings.ouster_bags import PACKET_MESSAGES, ouster_packets_in_bag
+from puck.recordings.ouster_tables import ouster_table
 from puck.recordings.packet_order import tell_irregularities
 from puck.recordings.packet_turns import SENSORS, decode_packets, kind_codes, returns_of_packets
 from puck.recordings.packets import HDL64E, MESSAGES, SCAN, PacketLog
 from puck.recordings.pcap import Capture, read_datagrams, refuse_stream
-from puck.recordings.ros_bags import is_bag, read_messages
+from puck.recordings.ros_bags import is_bag, read_messages, read_topics
 from puck.recordings.topics import refuse_topic
 from puckbench.recordings.cloud_messages import has_clouds
 from puckbench.recordings.decoded_clouds import SUFFIXES, read_points
@@ -186,7 +188,7 @@ def read_packets(
     source = source or path
     with naming(source):
         if is_bag(path):
-            log = _packets_of_bag(path, stream, topic)
+            log = _packets_of_bag(path, stream, topic, source)
         else:
             log = _packets_of_file(path, stream, topic, source)
         log_left_out(source, log.about)
@@ -196,7 +198,7 @@ def read_packets(
 
 def _packets_of_file(path: Path, stream: str | None, topic: str | None, source: Path) -> PacketLog:
     capture = _capture(path, topic)
-    return ouster_packets(capture, source, stream) or packets_of_capture(capture, stream)
+    return ouster_packets(capture, path, source, stream) or packets_of_capture(capture, stream)
 
 
 def _capture(path: Path, topic: str | None) -> Capture:
@@ -213,9 +215,13 @@ def _unknown_format(data: bytes) -> str:
     return f"not a packet capture (.pcap, .pcapng) or ROS bag (.bag, .db3, .mcap); {hint}"
 
 
-def _packets_of_bag(path: Path, stream: str | None, topic: str | None) -> PacketLog:
+def _packets_of_bag(path: Path, stream: str | None, topic: str | None, source: Path) -> PacketLog:
     refuse_stream(stream)
-    bag = read_messages(path, [SCAN], MESSAGES, topic)
+    topics = read_topics(path)
+    kinds = {each.kind for name, each in topics.items() if topic in (None, name)}
+    if SCAN not in kinds and not kinds.isdisjoint(PACKET_MESSAGES):
+        return ouster_packets_in_bag(path, topics, source, topic)
+    bag = read_messages(path, [SCAN, *PACKET_MESSAGES], MESSAGES, topic)
     packets = [packet for message in bag.messages for packet in message.packets]
     if not packets:
         raise InputError("the ROS bag has no data packet of a Velodyne")
@@ -229,9 +235,7 @@ def _decoded(log: PacketLog, sensor: Sensor | None) -> ReturnTable:
         return decode_packets(log.payloads, sensor)
     if sensor:
         raise InputError(f"sensor {sensor.name}: the metadata of an Ouster describe its sensor")
-    table = return_table_of(ouster_turns(log.sensor, log.payloads).returns)
-    kinds = "dual" if log.sensor.layout.kinds == 2 else "strongest"
-    return replace(table, about={**table.about, "returns": kinds, "packets": len(log)})
+    return ouster_table(log.sensor, log.payloads)
 
 
 def _unit(log: PacketLog, source: Path) -> Sensor | None:
