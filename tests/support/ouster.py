@@ -26,6 +26,17 @@ FORMATS: Mapping[str, tuple[int, Sequence[tuple[int, int]], Sequence[int], int]]
     "FIVE_WORD_PIXEL": (20, [(0, 19), (32, 19)], [24, 56], 1),
     "RNG19_RFL8_SIG16_NIR16_RGB16": (16, [(0, 19)], [24], 1),
 }
+# First bits of signals, and first bit and width of near infrared light.
+LIGHT: Mapping[str, tuple[Sequence[int], tuple[int, int]]] = {
+    "LEGACY": ([48], (64, 16)),
+    "RNG19_RFL8_SIG16_NIR16": ([48], (64, 16)),
+    "RNG19_RFL8_SIG16_NIR16_DUAL": ([64, 80], (96, 16)),
+    "RNG15_RFL8_NIR8": ([], (24, 8)),
+    "RNG15_RFL8_NIR8_DUAL": ([], (24, 8)),
+    "FUSA_RNG15_RFL8_NIR8_DUAL": ([], (24, 8)),
+    "FIVE_WORD_PIXEL": ([64, 80], (96, 16)),
+    "RNG19_RFL8_SIG16_NIR16_RGB16": ([32], (48, 16)),
+}
 
 Values = NDArray[np.int64]
 
@@ -75,9 +86,17 @@ def images(
     return values, random.integers(0, 256, values.shape)
 
 
-def packets(profile: str, ranges: Values, reflectivities: Values, frame: int = 7) -> list[bytes]:
+def packets(
+    profile: str,
+    ranges: Values,
+    reflectivities: Values,
+    frame: int = 7,
+    signals: Values | None = None,
+    light: Values | None = None,
+) -> list[bytes]:
     """Packets of 16 columns of one revolution, whose columns are 100 us apart."""
     size, range_bits, reflectivity_bits, _ = FORMATS[profile]
+    signal_bits, (light_bit, _) = LIGHT[profile]
     is_legacy = profile == "LEGACY"
     made = []
     for first in range(0, ranges.shape[1], 16):
@@ -98,6 +117,10 @@ def packets(profile: str, ranges: Values, reflectivities: Values, frame: int = 7
                     pixel |= int(ranges[kind, column, laser]) << bit
                 for kind, bit in enumerate(reflectivity_bits):
                     pixel |= int(reflectivities[kind, column, laser]) << bit
+                for kind, bit in enumerate(signal_bits if signals is not None else ()):
+                    pixel |= int(signals[kind, column, laser]) << bit  # type: ignore[index]
+                if light is not None:
+                    pixel |= int(light[column, laser]) << light_bit
                 body += pixel.to_bytes(size, "little")
             body += b"\xff\xff\xff\xff" if is_legacy else b""
         made.append(body if is_legacy else _header(profile, frame) + body + bytes(32))

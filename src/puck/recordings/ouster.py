@@ -30,6 +30,9 @@ _FIRST_RADIAL_MM, _HEIGHT_MM = 12.163, 36.18
 product line, that of the first OS-1, and height of the lidar's origin in the sensor's frame."""
 _COLUMNS = (512, 1024, 2048, 4096)
 _MOST_DEG = 90.0
+_COARSE_PHOTONS = 16
+"""Unit of near infrared light in fields of 8 bits."""
+_OSF_MAGIC, _OSF_MAGIC_AT = b"OSF$", 8
 _LASERS = (16, 32, 64, 128)
 _COLUMNS_PER_PACKET, _USUAL_COLUMNS = range(1, 129), 16
 """Allowed numbers of columns in a packet, and the usual number."""
@@ -65,8 +68,7 @@ class Profile(NamedTuple):
     """Format of a pixel in an Ouster's packets.
 
     It states the number of 32-bit words, the fields of each kind of return (strongest, second), and
-    the quantum of ranges in metres. Near infrared light is in photons if its field has 16 bits, or
-    in 16 photons if it has 8.
+    the quantum of ranges in metres.
     """
 
     words: int
@@ -75,6 +77,13 @@ class Profile(NamedTuple):
     quantum_m: float
     signals: tuple[Field, ...] = ()
     near_infrared: Field | None = None
+
+    def light_of(self, words: NDArray[np.uint32]) -> NDArray[np.uint32] | None:
+        """Return the near infrared light in each pixel (..., words), in photons, or None."""
+        field = self.near_infrared
+        if field is None:
+            return None
+        return field.of(words) * np.uint32(1 if field.bits == 16 else _COARSE_PHOTONS)
 
 
 def _fine(
@@ -207,6 +216,17 @@ class OusterSensor:
             azimuth_steps=self.columns,
             shifts=tuple(shifts.tolist()),
         )
+
+
+def is_osf(data: bytes) -> bool:
+    """Return whether a file that begins with the bytes `data` is an OSF file of Ouster's SDK."""
+    return data[_OSF_MAGIC_AT : _OSF_MAGIC_AT + len(_OSF_MAGIC)] == _OSF_MAGIC
+
+
+def osf_advice(path: Path) -> str:
+    """Return how to convert an OSF file to a recording that is read, as text for a message."""
+    command = f"ouster-cli source {path.name} save {path.stem}.pcap"
+    return f"an OSF file of Ouster: convert it by the maker's SDK (ouster-sdk): {command}"
 
 
 def metadata_beside(recording: Path) -> Path | None:

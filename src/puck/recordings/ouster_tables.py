@@ -12,9 +12,6 @@ from pointkit.errors import InputError
 from pointkit.lidar.return_table import FURTHER_COLUMNS, ReturnTable, return_table_of
 from puck.recordings.ouster import PROFILES, OusterSensor, columns_of_turns, ouster_turns
 
-_COARSE_PHOTONS = 16
-"""Unit of near infrared light, in photons, in fields of 8 bits."""
-
 
 def ouster_table(sensor: OusterSensor, payloads: NDArray[np.uint8]) -> ReturnTable:
     """Decode the packets of an Ouster sensor to a table with a row for each return.
@@ -51,9 +48,8 @@ def ouster_table(sensor: OusterSensor, payloads: NDArray[np.uint8]) -> ReturnTab
         if profile.signals:
             signals = np.stack([field.of(words) for field in profile.signals])
             parts.setdefault("signal", []).append(signals[kinds, at, lasers])
-        if light := profile.near_infrared:
-            unit = _COARSE_PHOTONS if light.bits == 8 else 1
-            parts.setdefault("near_infrared", []).append(unit * light.of(words)[at, lasers])
+        if (light := profile.light_of(words)) is not None:
+            parts.setdefault("near_infrared", []).append(light[at, lasers])
     further = {
         name: np.concatenate(parts[name]).astype(kind)
         for name, (kind, *_) in FURTHER_COLUMNS.items()

@@ -22,7 +22,7 @@ from puck.recordings.data_packets import (
     packets_of_capture,
     whole_packets,
 )
-from puck.recordings.ouster import ouster_turns
+from puck.recordings.ouster import is_osf, osf_advice, ouster_turns
 from puck.recordings.ouster_bags import PACKET_MESSAGES, ouster_packets_in_bag
 from puck.recordings.ouster_tables import ouster_table
 from puck.recordings.packet_order import tell_irregularities
@@ -204,12 +204,14 @@ def _packets_of_file(path: Path, stream: str | None, topic: str | None, source: 
 def _capture(path: Path, topic: str | None) -> Capture:
     data = read_bytes(path)
     if not is_packet_capture(data):
-        raise InputError(_unknown_format(data))
+        raise InputError(_unknown_format(path, data))
     refuse_topic(topic)
     return read_datagrams(data)
 
 
-def _unknown_format(data: bytes) -> str:
+def _unknown_format(path: Path, data: bytes) -> str:
+    if is_osf(data):
+        return osf_advice(path)
     packer = next((name for start, name in _COMPRESSED.items() if data.startswith(start)), None)
     hint = f"packed by {packer}: unpack it" if packer else "clouds and tables go by their suffixes"
     return f"not a packet capture (.pcap, .pcapng) or ROS bag (.bag, .db3, .mcap); {hint}"
