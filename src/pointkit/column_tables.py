@@ -8,7 +8,7 @@ scan.
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, ClassVar, Self, TypeVar
@@ -40,11 +40,19 @@ class TableSchema:
         also identifies the kind of table.
     columns
         Type, unit and description of each column.
+    optional
+        The same of columns that only some tables of the kind have.
     """
 
     name: str
     metadata_key: str
     columns: ColumnSpecs
+    optional: ColumnSpecs = field(default_factory=dict)
+
+    def of(self, names: Collection[str]) -> ColumnSpecs:
+        """Return the specifications of all columns of a table that has columns `names`."""
+        found = {name: spec for name, spec in self.optional.items() if name in names}
+        return {**self.columns, **found}
 
 
 @dataclass(frozen=True)
@@ -95,7 +103,8 @@ def write_column_table(path: Path, table: ColumnTable) -> None:
     from pyarrow import parquet
 
     with written_whole(path) as temporary:
-        parquet.write_table(_arrow_table(table), temporary, **_encoding(table.schema))
+        rows = _arrow_table(table)
+        parquet.write_table(rows, temporary, **_encoding(table.schema.of(table.columns)))
 
 
 def write_portions(path: Path, portions: Iterator[ColumnTable]) -> int:
@@ -116,7 +125,8 @@ def write_portions(path: Path, portions: Iterator[ColumnTable]) -> int:
     first = next(portions, None)
     if first is None:
         raise ValueError("a table without a portion")
-    rows, count, encoding = _arrow_table(first), len(first), _encoding(first.schema)
+    rows, count = _arrow_table(first), len(first)
+    encoding = _encoding(first.schema.of(first.columns))
     with (
         written_whole(path) as temporary,
         parquet.ParquetWriter(temporary, rows.schema, **encoding) as writer,
@@ -162,7 +172,7 @@ def read_column_table(path: Path, kind: type[T]) -> T:
     text = (rows.schema.metadata or {}).get(schema.metadata_key.encode(), b"{}")
     about = object_of(text, f"{path}: its metadata")
     columns = {}
-    for name, (form, _, _) in schema.columns.items():
+    for name, (form, _, _) in schema.of(names).items():
         values = rows.column(name).to_numpy()
         columns[name] = _exactly(f"{path}: column {name}", values, np.dtype(form))
     return kind(columns, about)
@@ -221,9 +231,10 @@ def _arrow_table(table: ColumnTable, schema: Any = None) -> Any:
 
     if schema is None:
         about = json.dumps(table.about, sort_keys=True, allow_nan=False)
-        fields = [_arrow_field(name, *spec) for name, spec in table.schema.columns.items()]
+        specs = table.schema.of(table.columns)
+        fields = [_arrow_field(name, *spec) for name, spec in specs.items()]
         schema = pa.schema(fields).with_metadata({table.schema.metadata_key: about})
-    return pa.table([pa.array(table[name]) for name in table.schema.columns], schema=schema)
+    return pa.table([pa.array(table[name]) for name in schema.names], schema=schema)
 
 
 def _arrow_field(name: str, kind: str, unit: str, description: str) -> Any:
@@ -233,7 +244,7 @@ def _arrow_field(name: str, kind: str, unit: str, description: str) -> Any:
     return pa.field(name, pa.from_numpy_dtype(np.dtype(kind)), nullable=False, metadata=metadata)
 
 
-def _encoding(schema: TableSchema) -> dict[str, Any]:
-    doubles = [name for name, (kind, _, _) in schema.columns.items() if kind == "<f8"]
-    others = [name for name in schema.columns if name not in doubles]
+def _encoding(specs: ColumnSpecs) -> dict[str, Any]:
+    doubles = [name for name, (kind, _, _) in specs.items() if kind == "<f8"]
+    others = [name for name in specs if name not in doubles]
     return {"compression": "zstd", "use_byte_stream_split": doubles, "use_dictionary": others}

@@ -27,9 +27,7 @@ class CloudEncoder:
         self._layout, self._options = layout, options
         self._coder: PointCoder | None = None
 
-    def encode(
-        self, data: bytes, width: int, height: int, row_step: int, *, is_key: bool
-    ) -> bytes:
+    def encode(self, data: bytes, width: int, height: int, row_step: int, *, is_key: bool) -> bytes:
         """Return bytes from which `CloudDecoder.decode` restores the data of a message.
 
         Parameters

@@ -67,7 +67,8 @@ def run_compress(options: argparse.Namespace) -> dict[str, Any]:
     if not summary.packets and not summary.clouds:
         _LOG.warning(
             "%s: no data packets of a modelled sensor and no PointCloud2 messages: LZMA alone%s "
-            "(an Ouster's packets need the sensor's .json beside the recording)",
+            "(an Ouster's packets need the sensor's .json beside the recording or its metadata in "
+            "the bag)",
             source,
             "" if options.recording == PIPE else _content_told(options.recording),
         )

@@ -7,7 +7,7 @@ Prime's blocks without lasers in dual return mode.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import replace
 from itertools import accumulate, pairwise
 from pathlib import Path
@@ -18,11 +18,13 @@ from numpy.typing import NDArray
 
 from pointkit.coding.byte_io import Reader
 from pointkit.errors import InputError
+from pointkit.files import read_bytes
 from pointkit.lidar.turns import Turn
 from puck.fields import FieldsDecoder, FieldsEncoder
 from puck.gaps import compress_bytes, decompress_bytes
 from puck.options import CodingOptions
-from puck.recordings.ouster import metadata_beside, read_sensor
+from puck.recordings.ouster import OusterSensor, metadata_beside, sensor_of
+from puck.recordings.ouster_bags import sensors_in_bag
 from puck.recordings.ouster_packets import OusterKind
 from puck.recordings.packet_turns import (
     PacketKind,
@@ -34,6 +36,7 @@ from puck.recordings.packet_turns import (
     turn_of,
 )
 from puck.recordings.packets import PACKET_BYTES
+from puck.recordings.ros_bags import is_bag
 from puck.records import (
     DAMAGED,
     Record,
@@ -74,22 +77,42 @@ _HOLES = (50, 52, 54, 68)
 """Bytes of headers between IP fragments: pcap (Ethernet, Linux cooked, VLAN) and pcapng."""
 
 
-def formats_of(recording: Path | None) -> list[PacketFormat]:
+def described_sensors(recording: Path) -> tuple[list[OusterSensor], bytes]:
+    """Return the Ouster sensors that metadata in or beside a recording describe.
+
+    Returns
+    -------
+    sensors
+        The sensors; none if there are no valid metadata.
+    metadata
+        Content of the JSON file beside the recording from which the sensor was read. It is empty
+        if the metadata are in the recording itself, as in bags of the sensor's driver.
+    """
+    try:
+        if is_bag(recording) and (sensors := sensors_in_bag(recording)):
+            return sensors, b""
+    except InputError:
+        pass
+    try:
+        if beside := metadata_beside(recording):
+            metadata = read_bytes(beside)
+            return [sensor_of(metadata, beside.name)], metadata
+    except InputError:
+        pass
+    return [], b""
+
+
+def formats_of(sensors: Iterable[OusterSensor]) -> list[PacketFormat]:
     """Return the formats of packets to search for in a recording, in the order of the search.
 
-    `recording` is the path of the file; it is None for a recording that comes from a pipe.
-
-    An Ouster's formats come first if the sensor's metadata (JSON) lie beside the recording.
+    The formats of the Ouster `sensors` come first; those of all Velodynes follow.
     """
-    metadata = metadata_beside(recording) if recording else None
-    try:
-        whole = OusterKind.of(read_sensor(metadata)) if metadata else None
-    except InputError:
-        whole = None
-    if whole is None:
-        return [VELODYNE]
-    kinds = [whole, *(replace(whole, is_fragmented=True, hole=hole) for hole in _HOLES)]
-    formats = [PacketFormat(each.pieces, each.hole, each.find, each.split_turns) for each in kinds]
+    formats = []
+    for whole in map(OusterKind.of, sensors):
+        kinds = [whole, *(replace(whole, is_fragmented=True, hole=hole) for hole in _HOLES)]
+        formats += [
+            PacketFormat(each.pieces, each.hole, each.find, each.split_turns) for each in kinds
+        ]
     return [*formats, VELODYNE]
 
 

@@ -26,17 +26,27 @@ from pointkit.files import open_file, written_whole
 from puck.chunks import ChunkPacker
 from puck.cloud_messages import FoundCloud, find_clouds
 from puck.cloud_streams import CloudsDecoder, CloudsEncoder, cloud_ranges
-from puck.gaps import Bytes, decode_gaps, decompress_bytes, encode_gaps, store_gaps
+from puck.gaps import (
+    Bytes,
+    compress_bytes,
+    decode_gaps,
+    decompress_bytes,
+    encode_gaps,
+    store_gaps,
+)
 from puck.options import CodingOptions
 from puck.packet_kinds import (
+    VELODYNE,
     Kind,
     PacketFormat,
     PacketsDecoder,
     PacketsEncoder,
     count_values,
     decode_kind,
+    described_sensors,
     formats_of,
 )
+from puck.recordings.ouster import sensor_of, write_metadata_beside
 from puck.recordings.packet_turns import Payloads
 from puck.records import DAMAGED, Record, RecordKind, check, most_ranges, read_records, start
 from puck.sqlite_pages import LARGEST_PAGE, LINK_BYTES, SMALLEST_PAGE, decode_links
@@ -65,6 +75,7 @@ _BATCH_KINDS = (
 
 Pieces = NDArray[np.int64]
 """First byte, and first byte after the end, of parts of a recording, (n, 2)."""
+Content = bytes
 Report = Callable[[int, int], None]
 """Function that is called with the number of processed bytes and the number of all bytes."""
 
@@ -108,6 +119,8 @@ class RecordingSummary(_Counts):
     opened, kept
         Number of compressed chunks (of ROS 1 bags and MCAP files) that were opened, and number of
         those that were not, because compressing them again would give other bytes.
+    metadata
+        Content of the JSON file that describes an Ouster sensor, if it is in the stream.
     """
 
     bytes: int = 0
@@ -115,6 +128,7 @@ class RecordingSummary(_Counts):
     parts: dict[str, int] = field(default_factory=dict)
     opened: int = 0
     kept: int = 0
+    metadata: Content = b""
 
     def as_json(self) -> dict[str, Any]:
         """Return sizes, compressed share (``share``) and counts by name, as the commands print."""
@@ -169,9 +183,10 @@ def compress(
 
     The function finds data packets of known sensors and messages of the type PointCloud2 by their
     content, and codes the packets of a revolution as one turn. LZMA compresses all other bytes.
-    Packets of an Ouster are found only if the sensor's metadata (JSON) lie beside the recording.
-    Compressed chunks of bags are opened if compressing them again gives the same bytes. The
-    recording is read once, in windows of 16 MiB; memory does not grow with its size.
+    Packets of an Ouster are found only if the sensor's metadata are in the recording, which is a
+    bag, or in a JSON file beside it. The stream then contains this file. Compressed chunks of bags
+    are opened if compressing them again gives the same bytes. The recording is read once, in
+    windows of 16 MiB; memory does not grow with its size.
 
     Parameters
     ----------
@@ -205,8 +220,11 @@ def compress(
     summary = RecordingSummary()
     with windows_of(recording) as windows, _written(out) as stream:
         summary.compressed = stream.write(start())
-        formats = formats_of(recording if isinstance(recording, Path) else None)
-        for record in _records(windows, formats, options, summary, report):
+        sensors, metadata = [], b""
+        if isinstance(recording, Path):
+            sensors, metadata = described_sensors(recording)
+        formats = formats_of(sensors)
+        for record in _records(windows, formats, metadata, options, summary, report):
             size = stream.write(record.packed())
             name = record.kind.name.lower()
             summary.parts[name] = summary.parts.get(name, 0) + size
@@ -223,6 +241,9 @@ def decompress(
     trusted: bool = False,
 ) -> RecordingSummary:
     """Restore a file that `compress` compressed, and verify its checksum.
+
+    If the stream contains an Ouster's metadata, they are written beside the file with the suffix
+    ``.json``, unless metadata lie there already. A warning tells if these are others.
 
     Parameters
     ----------
@@ -252,7 +273,10 @@ def decompress(
     """
     _check_different(path, out)
     with _opened(path) as source, _written(out) as stream:
-        return _restore(source, stream, trusted, report or _no_report)
+        summary = _restore(source, stream, trusted, report or _no_report)
+    if summary.metadata and isinstance(out, Path):
+        write_metadata_beside(out, summary.metadata)
+    return summary
 
 
 def _check_different(source: Path | IO[bytes], out: Path | IO[bytes]) -> None:
@@ -284,6 +308,7 @@ def _written(out: Path | IO[bytes]) -> Iterator[IO[bytes]]:
 def _records(
     windows: Windows,
     formats: list[PacketFormat],
+    metadata: bytes,
     options: CodingOptions,
     summary: RecordingSummary,
     report: Report | None,
@@ -294,6 +319,9 @@ def _records(
     encoder, done = _BatchEncoder(options), 0
     for window in search(windows, formats):
         yield from windows.take_records()
+        if metadata and window.packets.places.size and window.packets.format is not VELODYNE:
+            yield Record(RecordKind.METADATA, compress_bytes(metadata))
+            summary.metadata, metadata = metadata, b""
         batches = encoder.batches(window, partial(_report_at, report, windows, done))
         done += len(window.data)
         batch = next(batch for batch in batches if _fits(batch, summary, done))
@@ -575,6 +603,7 @@ class _Restorer:
             RecordKind.PAGES: writer.start_pages,
             RecordKind.PAYLOADS: writer.start_payloads,
             RecordKind.CHUNKS: writer.start_chunks,
+            RecordKind.METADATA: self._add_metadata,
             RecordKind.LAYOUT: self._packets.start_layout,
             RecordKind.TURN: self._add_turn,
             RecordKind.FIELDS: self._packets.add_fields,
@@ -590,6 +619,11 @@ class _Restorer:
     def _admit_cloud(self, size: int) -> None:
         self._summary.ranges += cloud_ranges(size)
         self._limits.check(self._summary.ranges, self._limits.ranges, "ranges")
+
+    def _add_metadata(self, body: bytes) -> None:
+        metadata = decompress_bytes(Reader(body), self.writer.admit)
+        sensor_of(metadata, "its metadata")
+        self._summary.metadata = metadata
 
     def _add_turn(self, body: bytes) -> None:
         self._summary.returns += self._packets.add_turn(body)

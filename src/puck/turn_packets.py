@@ -14,7 +14,14 @@ import numpy as np
 from pointkit.coding.byte_io import Reader
 from pointkit.files import open_file
 from puck.gaps import decode_gaps
-from puck.packet_kinds import Kind, PacketFormat, PacketsDecoder, decode_kind, formats_of
+from puck.packet_kinds import (
+    Kind,
+    PacketFormat,
+    PacketsDecoder,
+    decode_kind,
+    described_sensors,
+    formats_of,
+)
 from puck.recording import FoundPackets, search
 from puck.recordings.captured_packets import is_packet_capture
 from puck.recordings.packet_turns import Payloads
@@ -111,7 +118,7 @@ def _index_of_recording(path: Path) -> TurnIndex | None:
     with windows_of(path) as windows:
         if not is_packet_capture(windows.next(_START_BYTES)[0].tobytes()):
             return None
-        formats = formats_of(path)
+        formats = formats_of(described_sensors(path)[0])
         for content, packets, _ in search(windows, formats):
             form, places = packets
             turns = [*packets.turns(content)]

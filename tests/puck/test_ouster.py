@@ -110,6 +110,37 @@ def test_turns_of_a_compressed_recording_can_be_had(profile: str, tmp_path: Path
     np.testing.assert_array_equal(last.reflectivities, decoded[1].reflectivities)
 
 
+def test_metadata_travel_in_the_recording(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
+    packets = sent(sensor_of(tmp_path, "RNG15_RFL8_NIR8"))
+    data = capture(packets, WHOLE)
+    text = (tmp_path / "drive.json").read_bytes()
+    account = there_and_back(tmp_path, data)
+    assert account.metadata == text
+    assert account.parts["metadata"] < len(text)
+    beside = tmp_path / "elsewhere" / "back.json"
+    assert beside.read_bytes() == text
+    for name, content in [("back_0.json", b"{}"), ("back.json", b"[]")]:
+        beside.unlink()
+        (other := tmp_path / "elsewhere" / name).write_bytes(content)
+        caplog.clear()
+        there_and_back(tmp_path, data)
+        assert other.read_bytes() == content
+        assert beside.exists() == (beside == other)
+        assert f"{name}: differs from the metadata in the compressed recording" in caplog.text
+        other.rename(beside)
+    (tmp_path / "elsewhere" / "b.json").write_bytes(text)
+    beside.unlink()
+    there_and_back(tmp_path, data)
+    assert not beside.exists()
+
+
+def test_metadata_of_no_packet_do_not_travel(tmp_path: Path) -> None:
+    sensor_of(tmp_path, "RNG15_RFL8_NIR8")
+    with_metadata = there_and_back(tmp_path, bytes(10_000))
+    (tmp_path / "drive.json").unlink()
+    assert there_and_back(tmp_path, bytes(10_000)) == with_metadata
+
+
 def test_lost_damaged_and_late_packets_and_others_come_back(tmp_path: Path) -> None:
     packets = sent(sensor_of(tmp_path, "RNG19_RFL8_SIG16_NIR16"))
     random = np.random.default_rng(1)
@@ -158,15 +189,21 @@ def test_damaged_streams_end_in_one_error(tmp_path: Path) -> None:
     """Also where all checksums are right."""
     from io import BytesIO
 
+    from puck.gaps import compress_bytes
     from puck.records import Record, RecordKind, join_records, read_records
 
     packets = sent(sensor_of(tmp_path, "RNG19_RFL8_SIG16_NIR16_DUAL"), turns=1)
     there_and_back(tmp_path, capture(packets, WHOLE), CodingOptions(effort="fast"))
     records = list(read_records(BytesIO((tmp_path / "drive.puck").read_bytes())))[:-1]
     kinds = [record.kind for record in records]
-    assert kinds == [RecordKind.LAYOUT, RecordKind.TURN, RecordKind.FIELDS, RecordKind.GAPS]
+    of_turn = [RecordKind.LAYOUT, RecordKind.TURN, RecordKind.FIELDS, RecordKind.GAPS]
+    assert kinds == [RecordKind.METADATA, *of_turn]
+    metadata, *records = records
     layout, turn, fields, gaps = records
+    foreign = Record(RecordKind.METADATA, compress_bytes(b"{}"))
+    cut = Record(RecordKind.METADATA, metadata.body[:-9])
     broken = [
+        [foreign, *records], [cut, *records],
         [layout, turn, gaps], [layout, fields, gaps], [layout, turn, turn, fields, gaps],
         [layout, turn, layout, fields, gaps], [fields], [layout, turn, fields, fields, gaps],
     ]  # fmt: skip

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import struct
 from collections.abc import Mapping, Sequence
-from typing import Any
+from pathlib import Path
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,6 +14,7 @@ from tests.support.capture_bytes import ethernet, ipv4, pcap, udp
 
 SERIAL = 992_137_000_142
 RADIAL_MM, HEIGHT_MM = 15.806, 36.18
+TICKS = 90112
 # Of each format: bytes of a pixel; first bit and width of ranges and reflectivities; range unit.
 FORMATS: Mapping[str, tuple[int, Sequence[tuple[int, int]], Sequence[int], int]] = {
     "LEGACY": (12, [(0, 20)], [32], 1),
@@ -23,6 +25,17 @@ FORMATS: Mapping[str, tuple[int, Sequence[tuple[int, int]], Sequence[int], int]]
     "FUSA_RNG15_RFL8_NIR8_DUAL": (8, [(0, 15), (32, 15)], [16, 48], 8),
     "FIVE_WORD_PIXEL": (20, [(0, 19), (32, 19)], [24, 56], 1),
     "RNG19_RFL8_SIG16_NIR16_RGB16": (16, [(0, 19)], [24], 1),
+}
+# First bits of signals, and first bit and width of near infrared light.
+LIGHT: Mapping[str, tuple[Sequence[int], tuple[int, int]]] = {
+    "LEGACY": ([48], (64, 16)),
+    "RNG19_RFL8_SIG16_NIR16": ([48], (64, 16)),
+    "RNG19_RFL8_SIG16_NIR16_DUAL": ([64, 80], (96, 16)),
+    "RNG15_RFL8_NIR8": ([], (24, 8)),
+    "RNG15_RFL8_NIR8_DUAL": ([], (24, 8)),
+    "FUSA_RNG15_RFL8_NIR8_DUAL": ([], (24, 8)),
+    "FIVE_WORD_PIXEL": ([64, 80], (96, 16)),
+    "RNG19_RFL8_SIG16_NIR16_RGB16": ([32], (48, 16)),
 }
 
 Values = NDArray[np.int64]
@@ -73,9 +86,17 @@ def images(
     return values, random.integers(0, 256, values.shape)
 
 
-def packets(profile: str, ranges: Values, reflectivities: Values, frame: int = 7) -> list[bytes]:
+def packets(
+    profile: str,
+    ranges: Values,
+    reflectivities: Values,
+    frame: int = 7,
+    signals: Values | None = None,
+    light: Values | None = None,
+) -> list[bytes]:
     """Packets of 16 columns of one revolution, whose columns are 100 us apart."""
     size, range_bits, reflectivity_bits, _ = FORMATS[profile]
+    signal_bits, (light_bit, _) = LIGHT[profile]
     is_legacy = profile == "LEGACY"
     made = []
     for first in range(0, ranges.shape[1], 16):
@@ -83,7 +104,11 @@ def packets(profile: str, ranges: Values, reflectivities: Values, frame: int = 7
         for column in range(first, first + 16):
             time = 5_000_000_000 + frame * 100_000_000 + column * 100_000
             head = struct.pack("<QH", time, column)
-            head += struct.pack("<HI", frame, 88 * column) if is_legacy else struct.pack("<H", 1)
+            head += (
+                struct.pack("<HI", frame, column * TICKS // ranges.shape[1])
+                if is_legacy
+                else struct.pack("<H", 1)
+            )
             body += head
             for laser in range(ranges.shape[2]):
                 pixel = 0
@@ -92,6 +117,10 @@ def packets(profile: str, ranges: Values, reflectivities: Values, frame: int = 7
                     pixel |= int(ranges[kind, column, laser]) << bit
                 for kind, bit in enumerate(reflectivity_bits):
                     pixel |= int(reflectivities[kind, column, laser]) << bit
+                for kind, bit in enumerate(signal_bits if signals is not None else ()):
+                    pixel |= int(signals[kind, column, laser]) << bit  # type: ignore[index]
+                if light is not None:
+                    pixel |= int(light[column, laser]) << light_bit
                 body += pixel.to_bytes(size, "little")
             body += b"\xff\xff\xff\xff" if is_legacy else b""
         made.append(body if is_legacy else _header(profile, frame) + body + bytes(32))
@@ -119,3 +148,41 @@ def capture(payloads: Sequence[bytes], mtu: int = 1480) -> bytes:
             ip[4:6] = struct.pack(">H", number)
             frames.append(ethernet(bytes(ip)))
     return pcap(*frames, step_us=1600)
+
+
+def bag(
+    path: Path,
+    payloads: Sequence[bytes],
+    about: str | None,
+    storage: Literal["ros1", "sqlite3", "mcap"] = "ros1",
+    package: str = "ouster_ros",
+    extra: bytes = b"",
+) -> Path:
+    """A bag of the driver: lidar packets, packets of the IMU, and the metadata."""
+    from rosbags import rosbag1, rosbag2
+    from rosbags.typesys import Stores, get_types_from_msg, get_typestore
+
+    is_ros1 = storage == "ros1"
+    types = get_typestore(Stores.ROS1_NOETIC if is_ros1 else Stores.ROS2_HUMBLE)
+    kind, string = f"{package}/msg/PacketMsg", "std_msgs/msg/String"
+    types.register(get_types_from_msg("uint8[] buf", kind))
+    encode = types.serialize_ros1 if is_ros1 else types.serialize_cdr
+    if is_ros1:
+        writer: Any = rosbag1.Writer(path)
+    else:
+        plugin = rosbag2.StoragePlugin[storage.upper()]
+        writer = rosbag2.Writer(path, version=8, storage_plugin=plugin)
+    with writer:
+        lidar, imu = (
+            writer.add_connection(f"/ouster/{name}_packets", kind, typestore=types)
+            for name in ("lidar", "imu")
+        )
+        if about is not None:
+            described = writer.add_connection("/ouster/metadata", string, typestore=types)
+            message = types.types[string](data=about)
+            writer.write(described, 1, bytes(encode(message, string)))
+        for number, payload in enumerate(payloads):
+            for topic, content in ((lidar, payload + extra), (imu, bytes(48))):
+                packet = types.types[kind](buf=np.frombuffer(content, np.uint8))
+                writer.write(topic, 10 + number, bytes(encode(packet, kind)))
+    return path

@@ -33,16 +33,24 @@ RETURN_COLUMNS: ColumnSpecs = {
     "z": ("<f8", "m", "up, sensor's frame, vertical correction applied"),
 }
 
+FURTHER_COLUMNS: ColumnSpecs = {
+    "signal": ("<i4", "photons", "strength of the return"),
+    "near_infrared": ("<i4", "photons", "ambient light at the laser's wavelength"),
+    "column": ("<i4", "", "firing column of the turn, from 0; the sensor's measurement id"),
+    "clock_time": ("<i8", "ns", "time of firing on the sensor's clock; since 1970 if it is set"),
+}
+"""Columns that only tables of some sensors (Ouster) have."""
+
 
 @dataclass(frozen=True)
 class ReturnTable(ColumnTable):
     """Table of the returns of a sensor: the time, laser, angles, distance and point of each return.
 
-    `RETURN_COLUMNS` has the type, unit and description of each column. Laser firings without a
-    return have no row.
+    `RETURN_COLUMNS` has the type, unit and description of each column, and `FURTHER_COLUMNS` those
+    of columns that only some sensors have. Laser firings without a return have no row.
     """
 
-    schema = TableSchema("table of returns", "puckbench_capture", RETURN_COLUMNS)
+    schema = TableSchema("table of returns", "puckbench_capture", RETURN_COLUMNS, FURTHER_COLUMNS)
 
 
 def return_table_of(returns: Returns, sequence_us: float = 0.0) -> ReturnTable:

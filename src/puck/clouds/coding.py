@@ -147,7 +147,11 @@ class PointCoder:
         if self.geometry is not None and count >= _FEWEST_POINTS:
             x, y, z, ring = self.geometry
             rings = arrays[ring]
-            if all(columns[k] is None for k in (x, y, z)) and 0 <= rings.min() and rings.max() < RINGS:
+            if (
+                all(columns[k] is None for k in (x, y, z))
+                and 0 <= rings.min()
+                and rings.max() < RINGS
+            ):
                 missing, is_missing = _missing(arrays[x], arrays[y], arrays[z])
                 has_missing = bool(is_missing.any())
                 there = np.flatnonzero(~is_missing)
@@ -262,7 +266,9 @@ class PointCoder:
         there: NDArray[np.intp] | None = None
         if plan.rays is not None and self.geometry is not None:
             there, around = self._code_rays(plan, arrays, rings, width, parts, geometry)
-            near, seen, ranges = self._neighbours(rings[there], around, plan.rays.count, parts, geometry, plan, arrays, there)
+            near, seen, ranges = self._neighbours(
+                rings[there], around, plan.rays.count, parts, geometry, plan, arrays, there
+            )
         else:
             there = np.arange(count)
             near, seen = self._plain_neighbours(count)
@@ -330,7 +336,9 @@ class PointCoder:
         is_missing = np.zeros(count, np.int64)
         if plan.has_missing:
             if geometry is not None:
-                is_missing = _is_missing(plan.missing, *(arrays[k] for k in self.geometry[:3])).astype(np.int64)
+                is_missing = _is_missing(
+                    plan.missing, *(arrays[k] for k in self.geometry[:3])
+                ).astype(np.int64)
             self._code_series("missing", is_missing, rings, width, 2, parts)
         check(bool((is_missing < 2).all()) and int(rings.max(initial=0)) < len(plan.rays.lines))
         azimuths = np.zeros(count, np.int64) if geometry is None else geometry[0]
@@ -359,7 +367,17 @@ class PointCoder:
             np.zeros(len(rings), np.int32), farthest, True,
         )  # fmt: skip
         state.values[-1] = ranges
-        self._code_points(plan.rays, arrays, there, rings, around, ranges.values[:-1] - 1.0, parts, geometry is not None, plan)
+        self._code_points(
+            plan.rays,
+            arrays,
+            there,
+            rings,
+            around,
+            ranges.values[:-1] - 1.0,
+            parts,
+            geometry is not None,
+            plan,
+        )
         return near, now, ranges.values[:-1].astype(np.int64) - 1
 
     def _plain_neighbours(self, count: int) -> tuple[Words, Rings | None]:
@@ -388,14 +406,20 @@ class PointCoder:
             found = [code(name, a, g) for name, a, g in zip("xyz", actual, guess, strict=True)]
         elif rays.is_stepped:
             is_x = np.abs(guess[0]) >= np.abs(guess[1])
-            first = code("first", np.where(is_x, actual[0], actual[1]), np.where(is_x, guess[0], guess[1]))
+            first = code(
+                "first", np.where(is_x, actual[0], actual[1]), np.where(is_x, guess[0], guess[1])
+            )
             ranges = rays.refined(rings, around, singles(first), is_x)
             guess = [part.astype(np.float32) for part in rays.predicted(rings, around, ranges)]
-            second = code("second", np.where(is_x, actual[1], actual[0]), np.where(is_x, guess[1], guess[0]))
+            second = code(
+                "second", np.where(is_x, actual[1], actual[0]), np.where(is_x, guess[1], guess[0])
+            )
             third = code("z", actual[2], guess[2])
             found = [np.where(is_x, first, second), np.where(is_x, second, first), third]
         else:
-            found = [code(name, a, g) for name, a, g in zip("xy", actual[:2], guess[:2], strict=True)]
+            found = [
+                code(name, a, g) for name, a, g in zip("xy", actual[:2], guess[:2], strict=True)
+            ]
             ranges = rays.from_level(rings, singles(found[0]), singles(found[1]))
             found.append(code("z", actual[2], rays.heights(rings, ranges).astype(np.float32)))
         if not is_encoding:

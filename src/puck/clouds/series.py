@@ -42,9 +42,7 @@ class SeriesModel(NamedTuple):
 def new_series_model(bits: BitCoder, is_fast: bool) -> SeriesModel:
     """Return a model that has learnt nothing yet; `is_fast` selects one context without mixing."""
     contexts = 1 if is_fast else _CONTEXTS
-    options = MixerOptions(
-        contexts=contexts, counters=_ALL, rows=_NODES, weights=[0.3] * contexts
-    )
+    options = MixerOptions(contexts=contexts, counters=_ALL, rows=_NODES, weights=[0.3] * contexts)
     return SeriesModel(new_mixer(bits, options), np.zeros(PREDICTIONS, np.int64), STARTS)
 
 

@@ -15,7 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pointkit.errors import InputError
-from puck.recordings.ouster import is_size_of_packets, metadata_beside, read_sensor, serial_of
+from puck.recordings.ouster import is_size_of_packets, sensor_beside
+from puck.recordings.ouster_logs import ouster_log
 from puck.recordings.packet_turns import SENSORS, is_whole, kind_codes
 from puck.recordings.packets import (
     BANK_FLAGS,
@@ -95,40 +96,39 @@ def packets_of_capture(capture: Capture, name: str | None = None) -> PacketLog:
     return whole_packets([packet.payload for packet in packets], received, about)
 
 
-def ouster_packets(capture: Capture, recording: Path, name: str | None = None) -> PacketLog | None:
+def ouster_packets(
+    capture: Capture, recording: Path, source: Path, name: str | None = None
+) -> PacketLog | None:
     """Return the packets of an Ouster sensor, or None if the capture seems to have none.
 
-    The sensor's metadata are read from a file beside the recording (see `ouster.metadata_beside`).
-    The argument `name` selects a stream as in `packets_of_capture`.
+    The sensor's metadata are read from a file beside the recording or beside `source`, of which it
+    may be a copy (see `ouster.sensor_beside`). The argument `name` selects a stream as in
+    `packets_of_capture`.
     """
     sizes = Counter(datagram.length for datagram in capture.datagrams)
-    metadata = metadata_beside(recording)
     if PACKET_BYTES in sizes:
         return None
-    if metadata is None:
+    beside = sensor_beside(recording, source)
+    if beside is None:
         size = next((size for size, _ in sizes.most_common() if is_size_of_packets(size)), None)
         if size is None:
             return None
         raise InputError(
             f"{sizes[size]:,} datagrams of {size:,} bytes, as an Ouster sends: put the metadata of "
-            f"the sensor beside it ({recording.stem}.json)"
+            f"the sensor beside it ({source.stem}.json)"
         )
-    sensor = read_sensor(metadata)
+    sensor, metadata = beside
     size = sensor.packet.itemsize
     sized = [datagram for datagram in capture.datagrams if datagram.length == size]
-    described = f"{metadata.name} ({sensor.name}, {sensor.profile}, packets of {size:,} bytes)"
+    described = f"{metadata} ({sensor.name}, {sensor.profile}, packets of {size:,} bytes)"
     if not sized:
         raise InputError(f"{capture.contents()}, which {described} does not describe")
     stream = _select_stream(sized, name, lambda _: sensor.name)
     packets = [datagram for datagram in sized if datagram.stream == stream]
-    serials = Counter(serial_of(sensor, packet.payload) for packet in packets)
-    if sensor.serial and not {None, sensor.serial} & serials.keys():
-        other = serials.most_common(1)[0][0]
-        raise InputError(f"packets of the sensor {other}, and {described} is of {sensor.serial}")
     about = {"format": "pcap", **_counts(capture, len(packets), size)}
     received = [packet.received for packet in packets]
-    log = joined([packet.payload for packet in packets], received, about, size)
-    return replace(log, sensor=sensor)
+    payloads = [packet.payload for packet in packets]
+    return ouster_log(sensor, payloads, received, about, source, described)
 
 
 def whole_packets(

@@ -6,6 +6,7 @@ Points are in Ouster's sensor coordinates, whose x axis is forward.
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -17,15 +18,21 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pointkit.errors import InputError, among, naming
-from pointkit.files import object_of, read_bytes
+from pointkit.files import object_of, read_bytes, write_bytes
 from pointkit.lidar.returns import HOUR_US, Beams, Returns
 from pointkit.lidar.turns import MAX_LASERS, Layout, Turn
 
 LEGACY = "LEGACY"
-_FIRST_RADIAL_MM = 12.163
-"""Default distance of the beams' origin from the axis (first OS-1)."""
+_log = logging.getLogger(__name__)
+_RADIAL_MM = {"OS-0-": 27.67, "OS-1-": 15.806, "OS-2-": 13.762}
+_FIRST_RADIAL_MM, _HEIGHT_MM = 12.163, 36.18
+"""The SDK's defaults for metadata that lack them: distance of the beams' origin from the axis by
+product line, that of the first OS-1, and height of the lidar's origin in the sensor's frame."""
 _COLUMNS = (512, 1024, 2048, 4096)
 _MOST_DEG = 90.0
+_COARSE_PHOTONS = 16
+"""Unit of near infrared light in fields of 8 bits."""
+_OSF_MAGIC, _OSF_MAGIC_AT = b"OSF$", 8
 _LASERS = (16, 32, 64, 128)
 _MOST_LATE = 16
 """Most revolutions by which the counter of revolutions falls unless the sensor starts anew."""
@@ -71,12 +78,21 @@ class Profile(NamedTuple):
     reflectivities: tuple[Field, ...]
     quantum_m: float
     signals: tuple[Field, ...] = ()
+    near_infrared: Field | None = None
+
+    def light_of(self, words: NDArray[np.uint32]) -> NDArray[np.uint32] | None:
+        """Return the near infrared light in each pixel (..., words), in photons, or None."""
+        field = self.near_infrared
+        if field is None:
+            return None
+        return field.of(words) * np.uint32(1 if field.bits == 16 else _COARSE_PHOTONS)
 
 
 def _fine(
     words: int,
     reflectivity: tuple[int, int],
     signal: tuple[int, int],
+    near_infrared: tuple[int, int] | None,
     kinds: int = 1,
     bits: int = 19,
 ) -> Profile:
@@ -85,25 +101,28 @@ def _fine(
         Field(reflectivity[0] + kind, reflectivity[1], 8) for kind in range(kinds)
     )
     signals = tuple(Field(signal[0], signal[1] + 16 * kind, 16) for kind in range(kinds))
-    return Profile(words, ranges, reflectivities, 0.001, signals)
+    light = Field(*near_infrared, 16) if near_infrared else None
+    return Profile(words, ranges, reflectivities, 0.001, signals, light)
 
 
-def _coarse(words: int, kinds: int = 1) -> Profile:
+def _coarse(words: int, kinds: int = 1, *, has_near_infrared: bool = True) -> Profile:
     ranges = tuple(Field(kind, 0, 15) for kind in range(kinds))
-    return Profile(words, ranges, tuple(Field(kind, 16, 8) for kind in range(kinds)), 0.008)
+    reflectivities = tuple(Field(kind, 16, 8) for kind in range(kinds))
+    light = Field(0, 24, 8) if has_near_infrared else None
+    return Profile(words, ranges, reflectivities, 0.008, near_infrared=light)
 
 
 PROFILES = {
-    LEGACY: _fine(3, (1, 0), (1, 16), bits=20),
-    "RNG19_RFL8_SIG16_NIR16": _fine(3, (1, 0), (1, 16)),
-    "RNG19_RFL8_SIG16_NIR16_ZONE16": _fine(3, (1, 0), (1, 16)),
-    "RNG19_RFL8_SIG16_NIR16_RGB16": _fine(4, (0, 24), (1, 0)),
-    "RNG19_RFL8_SIG16_NIR16_DUAL": _fine(4, (0, 24), (2, 0), kinds=2),
-    "RNG19_RFL8_SIG16_ZONE16_DUAL": _fine(4, (0, 24), (2, 0), kinds=2),
-    "RNG19_RFL8_SIG16_NIR16_RGB16_DUAL": _fine(5, (0, 24), (2, 0), kinds=2),
-    "FIVE_WORD_PIXEL": _fine(5, (0, 24), (2, 0), kinds=2),
+    LEGACY: _fine(3, (1, 0), (1, 16), (2, 0), bits=20),
+    "RNG19_RFL8_SIG16_NIR16": _fine(3, (1, 0), (1, 16), (2, 0)),
+    "RNG19_RFL8_SIG16_NIR16_ZONE16": _fine(3, (1, 0), (1, 16), (2, 0)),
+    "RNG19_RFL8_SIG16_NIR16_RGB16": _fine(4, (0, 24), (1, 0), (1, 16)),
+    "RNG19_RFL8_SIG16_NIR16_DUAL": _fine(4, (0, 24), (2, 0), (3, 0), kinds=2),
+    "RNG19_RFL8_SIG16_ZONE16_DUAL": _fine(4, (0, 24), (2, 0), None, kinds=2),
+    "RNG19_RFL8_SIG16_NIR16_RGB16_DUAL": _fine(5, (0, 24), (2, 0), (3, 0), kinds=2),
+    "FIVE_WORD_PIXEL": _fine(5, (0, 24), (2, 0), (3, 0), kinds=2),
     "RNG15_RFL8_NIR8": _coarse(1),
-    "RNG15_RFL8_WIN8": _coarse(1),
+    "RNG15_RFL8_WIN8": _coarse(1, has_near_infrared=False),
     "RNG15_RFL8_NIR8_ZONE16": _coarse(2),
     "RNG15_RFL8_NIR8_DUAL": _coarse(2, kinds=2),
     "FUSA_RNG15_RFL8_NIR8_DUAL": _coarse(2, kinds=2),
@@ -153,6 +172,7 @@ class OusterSensor:
 
     `columns` is the number of columns in a revolution. `whole` is the number of columns in the
     azimuth window in which the sensor measures, and `first_column` the number of the first one.
+    `assumed` says which of the offsets are the SDK's defaults, since the metadata lack them.
     """
 
     name: str
@@ -167,6 +187,7 @@ class OusterSensor:
     radial_mm: float
     height_mm: float
     first_column: int = 0
+    assumed: tuple[str, ...] = ()
 
     @property
     def lasers(self) -> int:
@@ -200,6 +221,17 @@ class OusterSensor:
         )
 
 
+def is_osf(data: bytes) -> bool:
+    """Return whether a file that begins with the bytes `data` is an OSF file of Ouster's SDK."""
+    return data[_OSF_MAGIC_AT : _OSF_MAGIC_AT + len(_OSF_MAGIC)] == _OSF_MAGIC
+
+
+def osf_advice(path: Path) -> str:
+    """Return how to convert an OSF file to a recording that is read, as text for a message."""
+    command = f"ouster-cli source {path.name} save {path.stem}.pcap"
+    return f"an OSF file of Ouster: convert it by the maker's SDK (ouster-sdk): {command}"
+
+
 def metadata_beside(recording: Path) -> Path | None:
     """Return the JSON file with the metadata of a recording, or None if there is none.
 
@@ -212,13 +244,72 @@ def metadata_beside(recording: Path) -> Path | None:
     return max(fitting, key=lambda path: len(path.stem), default=None)
 
 
+def write_metadata_beside(recording: Path, metadata: bytes) -> None:
+    """Write a sensor's metadata to the JSON file beside a recording.
+
+    A file that is there already is kept, and a warning is logged if its content differs.
+    """
+    beside = metadata_beside(recording)
+    if beside and len(beside.stem) >= len(recording.stem):
+        if beside.read_bytes() != metadata:
+            told = "differs from the metadata in the compressed recording and is kept"
+            _log.warning("%s: %s", beside, told)
+    elif not (beside and beside.read_bytes() == metadata):
+        write_bytes(recording.with_suffix(".json"), metadata)
+
+
+def sensor_beside(recording: Path, source: Path) -> tuple[OusterSensor, str] | None:
+    """Read the metadata in the JSON file beside a recording.
+
+    Parameters
+    ----------
+    recording
+        The recording.
+    source
+        File of which `recording` is a temporary copy, or the recording itself. If no metadata lie
+        beside the copy, those beside this file are read.
+
+    Returns
+    -------
+    tuple of OusterSensor and str, or None
+        The sensor, and the name of the metadata for messages; None if there is no such file.
+
+    Raises
+    ------
+    InputError
+        The file does not contain such metadata.
+    """
+    if recording != source and (inside := metadata_beside(recording)):
+        return read_sensor(inside), f"the metadata in {source.name}"
+    beside = metadata_beside(source)
+    return (read_sensor(beside), beside.name) if beside else None
+
+
 def read_sensor(path: Path) -> OusterSensor:
     """Read an Ouster sensor's metadata from a JSON file.
 
     Raises InputError if the file does not contain such metadata.
     """
-    document = object_of(read_bytes(path), str(path))
-    with naming(path):
+    return sensor_of(read_bytes(path), str(path))
+
+
+def sensor_of(metadata: bytes, name: str) -> OusterSensor:
+    """Parse an Ouster sensor's metadata.
+
+    Parameters
+    ----------
+    metadata
+        The bytes of a JSON document.
+    name
+        Name of the document for error messages.
+
+    Raises
+    ------
+    InputError
+        The document does not contain such metadata.
+    """
+    document = object_of(metadata, name)
+    with naming(name):
         try:
             return _sensor(document)
         except (AttributeError, KeyError, TypeError, ValueError, OverflowError) as error:
@@ -237,11 +328,18 @@ def _sensor(document: Mapping[str, Any]) -> OusterSensor:
         raise InputError(f"unknown format of packets '{profile}'{among(profile, PROFILES)}")
     columns = int(packets.get("columns_per_frame") or values["lidar_mode"].partition("x")[0])
     first, last = packets.get("column_window", (0, columns - 1))
+    name = str(values.get("prod_line") or "Ouster")
+    assumed = []
     to_lidar = _floats(values.get("beam_to_lidar_transform", (0.0,) * 16))
-    radial = values.get("lidar_origin_to_beam_origin_mm", to_lidar[3] or _FIRST_RADIAL_MM)
-    to_sensor = _floats(values.get("lidar_to_sensor_transform", (*_HALF_TURN, 0.0)))
+    radial = values.get("lidar_origin_to_beam_origin_mm", to_lidar[3])
+    if not radial and "lidar_origin_to_beam_origin_mm" not in values:
+        radial = _RADIAL_MM.get(name[:5], _FIRST_RADIAL_MM)
+        assumed.append(f"lidar_origin_to_beam_origin_mm ({radial})")
+    to_sensor = _floats(values.get("lidar_to_sensor_transform", (*_HALF_TURN, _HEIGHT_MM)))
+    if "lidar_to_sensor_transform" not in values:
+        assumed.append(f"lidar_to_sensor_transform ({_HEIGHT_MM} mm in z)")
     sensor = OusterSensor(
-        name=str(values.get("prod_line") or "Ouster"),
+        name=name,
         serial=int(values.get("prod_sn") or 0),
         profile=profile,
         is_fusa="FUSA" in (profile.partition("_")[0], packets.get("header_type")),
@@ -253,6 +351,7 @@ def _sensor(document: Mapping[str, Any]) -> OusterSensor:
         radial_mm=float(radial),
         height_mm=to_lidar[11] + to_sensor[11],
         first_column=int(first),
+        assumed=tuple(assumed),
     )
     lasers = {len(elevations), len(sensor.azimuths_deg)}
     lasers.add(int(packets.get("pixels_per_column", len(elevations))))
@@ -314,11 +413,7 @@ def ouster_turns(sensor: OusterSensor, payloads: NDArray[np.uint8]) -> OusterTur
     OusterTurns
         The revolutions, and the indices of the complete ones.
     """
-    frames, columns = numbered_columns(sensor, payloads)
-    _, rows = np.unique(frames * sensor.columns + columns["column"], return_index=True)
-    ends = np.flatnonzero(np.diff(frames[rows])) + 1
-    parts = np.split(columns[rows], ends) if len(rows) else []
-    profile = PROFILES[sensor.profile]
+    profile, parts = PROFILES[sensor.profile], columns_of_turns(sensor, payloads)
     turns = tuple(turn_of_columns(profile, part, sensor.columns) for part in parts)
     whole = range(0)
     if parts:
@@ -327,6 +422,14 @@ def ouster_turns(sensor: OusterSensor, payloads: NDArray[np.uint8]) -> OusterTur
     offset = -sensor.radial_mm / 1000
     returns = Returns(sensor.beams, sensor.layout, turns, profile.quantum_m, sensor.name, offset)
     return OusterTurns(returns, whole)
+
+
+def columns_of_turns(sensor: OusterSensor, payloads: NDArray[np.uint8]) -> list[NDArray[Any]]:
+    """Return the structures of the columns of each revolution, sorted and without repeated ones."""
+    frames, columns = numbered_columns(sensor, payloads)
+    _, rows = np.unique(frames * sensor.columns + columns["column"], return_index=True)
+    ends = np.flatnonzero(np.diff(frames[rows])) + 1
+    return np.split(columns[rows], ends) if len(rows) else []
 
 
 def numbered_columns(

@@ -409,6 +409,8 @@ def _files(text: str) -> Iterator[Path]:
 
 
 def _why_unused(text: str) -> str:
+    from puck.recordings.ouster import osf_advice
+
     path = Path(text)
     if path.is_symlink() and not path.exists():
         return "a link to a file that is gone"
@@ -416,6 +418,8 @@ def _why_unused(text: str) -> str:
         return "no such file"
     if kind := special_kind(path):
         return f"{kind}, not a file"
+    if path.suffix.lower() == ".osf":
+        return osf_advice(path)
     suffixes = ", ".join(dict.fromkeys((*clouds.SUFFIXES, *meshes.SUFFIXES)))
     return f"{NOTHING_THERE} there ({suffixes}, {', '.join(recordings.RECORDING_SUFFIXES)})"
 

@@ -17,6 +17,7 @@ from puck.recordings.compressed_point_cloud2 import (
     DEFINITION,
     decompressed_columns,
 )
+from puck.recordings.ouster_bags import has_metadata, lidar_topics
 from puck.recordings.packets import SCAN
 from puck.recordings.point_cloud2 import POINT_CLOUD2, point_columns
 from puck.recordings.ros_bags import is_bag, read_messages, read_topics
@@ -56,7 +57,8 @@ def has_clouds(path: Path, topic: str | None = None) -> bool:
         The file; for files that are no bags, the result is false.
     topic
         Topic whose messages must be clouds. If it is None or not in the bag, the bag must have a
-        topic of clouds, and no topic of a sensor's packets.
+        topic of clouds, and no topic of a sensor's packets. Packets of an Ouster without the
+        sensor's metadata do not count.
     """
     if not is_bag(path):
         return False
@@ -64,7 +66,8 @@ def has_clouds(path: Path, topic: str | None = None) -> bool:
     if topic in topics:
         return topics[topic].kind in CLOUD_KINDS
     kinds = {each.kind for each in topics.values()}
-    return SCAN not in kinds and not kinds.isdisjoint(CLOUD_KINDS)
+    has_packets = SCAN in kinds or (lidar_topics(topics) and has_metadata(topics))
+    return not has_packets and not kinds.isdisjoint(CLOUD_KINDS)
 
 
 def cloud_topic(path: Path, topic: str | None = None) -> tuple[str, Topic]:

@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 from pointkit.errors import InputError, naming
 from pointkit.files import read_bytes
-from pointkit.lidar.return_table import ReturnTable, read_return_table, return_table_of
+from pointkit.lidar.return_table import ReturnTable, read_return_table
 from pointkit.lidar.returns import Returns
 from pointkit.lidar.sensor import Sensor
 from pointkit.lidar.sensors import load_sensor
@@ -22,12 +22,14 @@ from puck.recordings.data_packets import (
     packets_of_capture,
     whole_packets,
 )
-from puck.recordings.ouster import ouster_turns
+from puck.recordings.ouster import is_osf, osf_advice, ouster_turns
+from puck.recordings.ouster_bags import PACKET_MESSAGES, ouster_packets_in_bag
+from puck.recordings.ouster_tables import ouster_table
 from puck.recordings.packet_order import in_order, tell_irregularities, without_leaps
 from puck.recordings.packet_turns import SENSORS, decode_packets, kind_codes, returns_of_packets
 from puck.recordings.packets import HDL64E, MESSAGES, SCAN, PacketLog
 from puck.recordings.pcap import Capture, read_datagrams, refuse_stream
-from puck.recordings.ros_bags import is_bag, read_messages
+from puck.recordings.ros_bags import is_bag, read_messages, read_topics
 from puck.recordings.topics import refuse_topic
 from puckbench.recordings.cloud_messages import has_clouds
 from puckbench.recordings.decoded_clouds import SUFFIXES, read_points
@@ -204,7 +206,7 @@ def read_packets(
     source = source or path
     with naming(source):
         if is_bag(path):
-            log = _packets_of_bag(path, stream, topic)
+            log = _packets_of_bag(path, stream, topic, source)
         else:
             log = _packets_of_file(path, stream, topic, source)
         log_left_out(source, log.about)
@@ -215,26 +217,32 @@ def read_packets(
 
 def _packets_of_file(path: Path, stream: str | None, topic: str | None, source: Path) -> PacketLog:
     capture = _capture(path, topic)
-    return ouster_packets(capture, source, stream) or packets_of_capture(capture, stream)
+    return ouster_packets(capture, path, source, stream) or packets_of_capture(capture, stream)
 
 
 def _capture(path: Path, topic: str | None) -> Capture:
     data = read_bytes(path)
     if not is_packet_capture(data):
-        raise InputError(_unknown_format(data))
+        raise InputError(_unknown_format(path, data))
     refuse_topic(topic)
     return read_datagrams(data)
 
 
-def _unknown_format(data: bytes) -> str:
+def _unknown_format(path: Path, data: bytes) -> str:
+    if is_osf(data):
+        return osf_advice(path)
     packer = next((name for start, name in _COMPRESSED.items() if data.startswith(start)), None)
     hint = f"packed by {packer}: unpack it" if packer else "clouds and tables go by their suffixes"
     return f"not a packet capture (.pcap, .pcapng) or ROS bag (.bag, .db3, .mcap); {hint}"
 
 
-def _packets_of_bag(path: Path, stream: str | None, topic: str | None) -> PacketLog:
+def _packets_of_bag(path: Path, stream: str | None, topic: str | None, source: Path) -> PacketLog:
     refuse_stream(stream)
-    bag = read_messages(path, [SCAN], MESSAGES, topic)
+    topics = read_topics(path)
+    kinds = {each.kind for name, each in topics.items() if topic in (None, name)}
+    if SCAN not in kinds and not kinds.isdisjoint(PACKET_MESSAGES):
+        return ouster_packets_in_bag(path, topics, source, topic)
+    bag = read_messages(path, [SCAN, *PACKET_MESSAGES], MESSAGES, topic)
     packets = [packet for message in bag.messages for packet in message.packets]
     if not packets:
         raise InputError("the ROS bag has no data packet of a Velodyne")
@@ -248,9 +256,7 @@ def _decoded(log: PacketLog, sensor: Sensor | None) -> ReturnTable:
         return decode_packets(log.payloads, sensor)
     if sensor:
         raise InputError(f"sensor {sensor.name}: the metadata of an Ouster describe its sensor")
-    table = return_table_of(ouster_turns(log.sensor, log.payloads).returns)
-    kinds = "dual" if log.sensor.layout.kinds == 2 else "strongest"
-    return replace(table, about={**table.about, "returns": kinds, "packets": len(log)})
+    return ouster_table(log.sensor, log.payloads)
 
 
 def _unit(log: PacketLog, source: Path) -> Sensor | None:

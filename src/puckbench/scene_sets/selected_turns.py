@@ -10,6 +10,7 @@ from cloud_files.content import plain_suffix, read_content
 from pointkit.errors import InputError, naming
 from pointkit.lidar.returns import Returns, read_firings
 from puck.recordings.captured_packets import is_packet_capture
+from puck.recordings.ouster import is_osf
 from puck.recordings.pcap import refuse_stream
 from puck.recordings.ros_bags import bag_format
 from puck.recordings.topics import refuse_topic
@@ -23,6 +24,7 @@ _LONGEST_MARK = 24
 def is_recording(path: Path) -> bool:
     """Return whether a path is a recording: a packet capture, a ROS bag or a folder.
 
+    OSF files count as well, so that the reader of recordings can tell how to convert them.
     A file with a known suffix is judged by the suffix, and another file by its first bytes.
     """
     if path.is_dir() or path.suffix.lower() in RECORDING_SUFFIXES:
@@ -30,7 +32,7 @@ def is_recording(path: Path) -> bool:
     if plain_suffix(path) in (".parquet", *SUFFIXES, *meshes.SUFFIXES) or not path.exists():
         return False
     start = read_content(path, _LONGEST_MARK)
-    return is_packet_capture(start) or bag_format(start) is not None
+    return is_packet_capture(start) or bag_format(start) is not None or is_osf(start)
 
 
 def check_selection(path: Path, stream: str | None, topic: str | None) -> None:

@@ -4,24 +4,27 @@ from __future__ import annotations
 
 import hashlib
 import json
+import re
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
+import puck
 import puckbench
 from cloud_files.clouds import read_cloud
 from pointkit.errors import InputError
 from pointkit.lidar.return_table import read_return_table
-from puck.recordings.ouster import read_sensor
+from puck.recordings.ouster import PROFILES, columns_of_turns, read_sensor
 from puckbench.cli import main
-from puckbench.recordings.reading import read_recording, read_turns
+from puckbench.recordings.reading import read_packets, read_recording, read_turns
 from puckbench.scene_sets.recordings import Recordings
 from tests.support.bench import ROOT
 from tests.support.ouster import (
     FORMATS,
     HEIGHT_MM,
+    LIGHT,
     RADIAL_MM,
     capture,
     images,
@@ -89,6 +92,29 @@ def test_points_follow_the_formula_of_the_documentation(profile: str, tmp_path: 
         table["reflectivity"], reflectivities.transpose(1, 2, 0)[ranges.transpose(1, 2, 0) > 0]
     )
     assert table["timestamp"][-1] == pytest.approx(0.0511)
+
+
+@pytest.mark.parametrize("profile", FORMATS)
+def test_tables_have_signals_light_columns_and_times(profile: str, tmp_path: Path) -> None:
+    ranges, reflectivities = images(profile)
+    signal_bits, (_, width) = LIGHT[profile]
+    random = np.random.default_rng(1)
+    signals = random.integers(0, 1 << 16, (2, 512, 16))
+    light = random.integers(0, 1 << width, (512, 16))
+    (path := tmp_path / "drive.pcap").write_bytes(
+        capture(packets(profile, ranges, reflectivities, 7, signals, light))
+    )
+    path.with_suffix(".json").write_text(json.dumps(metadata(profile)))
+    main(["capture", str(path), str(tmp_path / "returns.parquet")])
+    table = read_return_table(tmp_path / "returns.parquet")
+    columns, lasers, kinds = np.nonzero(ranges.transpose(1, 2, 0))
+    np.testing.assert_array_equal(table["column"], columns)
+    np.testing.assert_array_equal(table["clock_time"], 5_700_000_000 + 100_000 * columns)
+    photons = light if width == 16 else 16 * light
+    np.testing.assert_array_equal(table["near_infrared"], photons[columns, lasers])
+    assert ("signal" in table.columns) == bool(signal_bits)
+    if signal_bits:
+        np.testing.assert_array_equal(table["signal"], signals[kinds, columns, lasers])
 
 
 def test_lost_repeated_and_late_packets(tmp_path: Path) -> None:
@@ -181,12 +207,92 @@ def test_metadata_may_have_the_beginning_of_the_name(tmp_path: Path) -> None:
     assert len(read_turns(longer).returns.turns) == 1
 
 
-def test_sensors_of_older_firmware_have_the_offset_of_the_first_os1(tmp_path: Path) -> None:
+@pytest.mark.parametrize(
+    ("line", "radial_mm"),
+    [(None, 12.163), ("OS-1-16", 15.806), ("OS-0-128", 27.67), ("OS-2-64", 13.762)],
+)
+def test_offsets_that_metadata_lack_are_those_of_the_sdk(
+    line: str | None, radial_mm: float, tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
     about = metadata("LEGACY", nested=False)
-    del about["lidar_origin_to_beam_origin_mm"], about["data_format"], about["prod_line"]
-    (path := tmp_path / "old.json").write_text(json.dumps(about))
+    del about["lidar_origin_to_beam_origin_mm"], about["lidar_to_sensor_transform"]
+    del about["data_format"], about["prod_line"]
+    (path := recorded(tmp_path, "LEGACY").with_suffix(".json")).write_text(
+        json.dumps(about | ({"prod_line": line} if line else {}))
+    )
     sensor = read_sensor(path)
-    assert (sensor.radial_mm, sensor.profile, sensor.columns) == (12.163, "LEGACY", 512)
+    assert (sensor.radial_mm, sensor.profile, sensor.columns) == (radial_mm, "LEGACY", 512)
+    assert sensor.height_mm == 36.18
+    returns = read_turns(path.with_suffix(".pcap")).returns
+    assert returns.range_offset_m == -radial_mm / 1000
+    (told,) = (each.message for each in caplog.records if "assumed" in each.message)
+    offsets = rf"lidar_origin_to_beam_origin_mm \({radial_mm}\) and lidar_to_sensor_transform"
+    assert re.search(rf"drive.json .* lacks .* by the SDK: {offsets} \(36.18 mm in z\)$", told)
+
+
+def test_packets_without_a_serial_number_are_told(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    read_turns(recorded(tmp_path, "LEGACY"))
+    (told,) = (each.message for each in caplog.records)
+    assert re.search(r"drive.json .*: unverified .* is not in the packets$", told)
+    caplog.clear()
+    read_turns(recorded(tmp_path, COARSE))
+    assert not caplog.records
+
+
+@pytest.mark.parametrize(
+    ("profile", "sent", "stated", "message"),
+    [
+        ("LEGACY", 512, 1024, "columns 176 of 90,112 encoder ticks apart, and drive.json .* 1,024"),
+        (COARSE, 512, 1024, "3 turns of columns below 512, and drive.json .* of 1,024 columns"),
+        (COARSE, 1024, 512, "packets of column 1,023, and drive.json .* of 512 columns per turn"),
+        ("LEGACY", 1024, 512, "packets of column 1,023, and drive.json"),
+    ],
+)
+def test_metadata_of_other_columns_are_noticed(
+    profile: str, sent: int, stated: int, message: str, tmp_path: Path
+) -> None:
+    (path := tmp_path / "drive.json").write_text(json.dumps(metadata(profile, columns=stated)))
+    payloads = [
+        packet
+        for frame in range(3)
+        for packet in packets(profile, *images(profile, columns=sent), frame)
+    ]
+    path.with_suffix(".pcap").write_bytes(capture(payloads))
+    with pytest.raises(InputError, match=message):
+        read_turns(path.with_suffix(".pcap"))
+
+
+def test_a_compressed_recording_needs_no_metadata_beside_it(tmp_path: Path) -> None:
+    path = recorded(tmp_path, DUAL)
+    expected = read_recording(path)
+    puck.compress(path, tmp_path / "alone.puck")
+    path.with_suffix(".json").unlink()
+    path.unlink()
+    for words in (["capture", "returns.parquet"], ["export", "turn.csv", "--turns", "0"]):
+        command, out, *others = words
+        assert main([command, str(tmp_path / "alone.puck"), str(tmp_path / out), *others]) == 0
+    table = read_return_table(tmp_path / "returns.parquet")
+    np.testing.assert_array_equal(table.xyz, expected.xyz)
+    np.testing.assert_array_equal(table["clock_time"], expected["clock_time"])
+    (whole,) = puckbench.turns(tmp_path / "alone.puck")
+    np.testing.assert_array_equal(whole.xyz, expected.xyz)
+    assert sorted(each.name for each in tmp_path.iterdir()) == [
+        "alone.puck",
+        "returns.parquet",
+        "turn.csv",
+    ]
+
+
+def test_osf_files_are_told_how_to_convert(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (path := tmp_path / "drive.osf").write_bytes(b"4\0\0\0\x14\0\0\0OSF$" + bytes(90))
+    for words in (["capture"], ["export"], ["prepare"], ["run"]):
+        out = ["--codecs", "puck"] if words == ["run"] else [str(tmp_path / "out.ply")]
+        assert main([*words, str(path), *out]) == 2
+        assert "ouster-cli source drive.osf save drive.pcap" in capsys.readouterr().err
 
 
 def test_damaged_packets_are_read_to_an_end(tmp_path: Path) -> None:
@@ -207,15 +313,25 @@ RECORDINGS = sorted((ROOT / "data" / "ouster_recordings").glob("*_digest.json"))
 def test_fields_of_real_recordings_have_the_digests_of_the_sdk() -> None:
     for path in RECORDINGS:
         digests = json.loads(path.read_text())["scans"][0]
-        returns = read_turns(path.with_name(path.name.replace("_digest.json", ".pcap"))).returns
+        recording = path.with_name(path.name.replace("_digest.json", ".pcap"))
+        returns = read_turns(recording).returns
         (turn,) = returns.turns
         unit = round(returns.quantum_m * 1000)
         assert turn.reflectivities is not None
+        images = {}
         for kind, suffix in zip(range(returns.layout.kinds), ("", "2"), strict=False):
-            images = {
-                "RANGE": turn.ranges[kind].T.astype("<u4") * np.uint32(unit),
-                "REFLECTIVITY": turn.reflectivities[kind].T,
-            }
-            for field, image in images.items():
-                digest = hashlib.md5(image.tobytes(), usedforsecurity=False).hexdigest()
-                assert digest == digests[field + suffix], (path, field)
+            images[f"RANGE{suffix}"] = turn.ranges[kind].astype("<u4") * np.uint32(unit)
+            images[f"REFLECTIVITY{suffix}"] = turn.reflectivities[kind]
+        log = read_packets(recording)
+        assert log.sensor is not None
+        (columns,), profile = (
+            columns_of_turns(log.sensor, log.payloads),
+            PROFILES[log.sensor.profile],
+        )
+        for field, suffix in zip(profile.signals, ("", "2"), strict=False):
+            images[f"SIGNAL{suffix}"] = field.of(columns["pixels"]).astype("<u2")
+        if (light := profile.light_of(columns["pixels"])) is not None:
+            images["NEAR_IR"] = light.astype("<u2")
+        for name, image in images.items():
+            digest = hashlib.md5(image.T.tobytes(), usedforsecurity=False).hexdigest()
+            assert digest == digests[name], (path, name)
