@@ -156,7 +156,8 @@ class Recordings(RecordingSet):
             look_up(self._clouds, name, str(self.path))
         about = {"source": path.name, "first_turn": first, "sensor": recording.sensor, **left_out}
         cloud_returns = replace(recording, turns=recording.turns[first : first + self.turns])
-        return Scene(name, safe_name(path.stem), returns=cloud_returns, about=about)
+        group, time_s = safe_name(path.stem), recorded.time_s(first)
+        return Scene(name, group, returns=cloud_returns, about=about, time_s=time_s)
 
     def _numbers(self, path: Path) -> range:
         return self._firsts(self._read(path).whole)

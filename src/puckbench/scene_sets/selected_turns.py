@@ -67,7 +67,7 @@ def read_selected_turns(
         if not is_recording(path):
             return select_turns(read_firings(path), turns), {}
         with decompressed(path) as recording:
-            returns, whole, left_out = read_turns(recording, 0.0, stream, path, topic)
+            returns, whole, left_out, _ = read_turns(recording, 0.0, stream, path, topic)
         first = whole[0] if whole else min(1, len(returns.turns) - 1)
         selected = select_turns(returns, turns or (first, first))
     taken = range(first, first + 1) if turns is None else range(turns[0], turns[1] + 1)
