@@ -55,13 +55,11 @@ def poses_of_file(path: str | Path, starts: Floats, turn_s: float) -> tuple[Floa
             used = slice(first, max(int(np.searchsorted(times, end)) + 1, first + 2))
             _check_gaps(path, times[used])
             return times[used], poses[used]
-        fault += (
-            f", from {times[0]:.3f} to {times[-1]:.3f} s; turns are at {begin:.3f} to {end:.3f} s"
-        )
+        fault += f", poses from {times[0]:.3f} to {times[-1]:.3f} s"
+        fault += f", turns from {begin:.3f} to {end:.3f} s"
     if len(poses) != len(starts):
-        raise InputError(
-            f"{path}: {fault}: one for each turn, or times that cover them, are needed"
-        )
+        needed = "one for each turn, or times that cover the turns, are needed"
+        raise InputError(f"{path}: {fault}: {needed}")
     return starts + turn_s / 2, poses
 
 

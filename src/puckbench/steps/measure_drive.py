@@ -32,6 +32,7 @@ from puckbench.results.coded_drives import CodedDrive, read_coded_drive
 from puckbench.results.row_files import write_rows
 from puckbench.steps.coding import TimedStep, planned_codec_step, ready
 from puckbench.steps.step import STEPS, PlannedStep, Step
+from puckbench.tables.registry import UNDECODED
 
 if TYPE_CHECKING:
     from puckbench.planning.workflow import Workflow
@@ -168,8 +169,8 @@ def write_task_results(
     rows
         File for the rows (Parquet).
     folder
-        Folder for the files; what it contains already is removed. The names of files begin with the
-        rate, if there is one, and the kind of times.
+        Folder for the files; what it contains already is removed. Names of files begin with the
+        rate, if turns were coded, and the kind of times.
     results
         Rows. Values of type bytes are contents of files, by the end of the file's name.
     more
@@ -179,8 +180,8 @@ def write_task_results(
     for row in results:
         made = {name: value for name, value in row.items() if isinstance(value, bytes)}
         table.append({name: value for name, value in row.items() if name not in made})
-        kind = "".join(f"{part}_" for part in (row["rate"], row["times"]) if part)
-        files |= {f"{kind}{name}": value for name, value in made.items()}
+        rate = "" if row["codec"] == UNDECODED else f"{row['rate']}_"
+        files |= {f"{rate}{row['times']}_{name}": value for name, value in made.items()}
     shutil.rmtree(folder, ignore_errors=True)
     folder.mkdir(parents=True, exist_ok=True)
     for name, content in files.items():
