@@ -52,13 +52,13 @@ def drive(street: Path) -> Path:
 
 
 def rows_of(drive: Path, curve: Path | None = None, codec: str | None = None) -> pd.DataFrame:
-    rows = drive.parent / "rows.parquet"
+    rows, folder = drive.parent / "rows.parquet", drive.parent / "trajectories"
     if codec and curve:
         MeasureDrive(dataset="way", tasks=TASKS, codec=codec, entry=CHANGES, repeats=1).run(
-            drive, curve, rows
+            drive, curve, rows, folder
         )
     else:
-        MeasureUndecoded(dataset="way", tasks=TASKS).run(drive, rows)
+        MeasureUndecoded(dataset="way", tasks=TASKS).run(drive, rows, folder)
     return pd.DataFrame(read_rows([rows])).set_index("times")
 
 

@@ -75,7 +75,9 @@ def _columns(errors: str, settings: str, method: str = "") -> Iterator[Column]:
     names = [(f"drift_{length}m", length) for length in (*SHORT_LENGTHS_M, *LENGTHS_M)]
     names += [(f"kitti_{length}m", length) for length in KITTI_LENGTHS_M]
     for name, length in names:
-        yield error(f"{name}_percent", f"Drift over {length} m", "%", missing=_SHORT)
+        is_short = is_shown and length in SHORT_LENGTHS_M
+        text = f"Drift over {length} m"
+        yield error(f"{name}_percent", text, "%", missing=_SHORT, summarised=is_short)
         text = f"Drift of rotation over {length} m"
         yield error(f"{name}_deg_per_m", text, "°/m", missing=_SHORT)
     for name, words, unit in (
