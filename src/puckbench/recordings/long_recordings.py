@@ -52,8 +52,8 @@ def read_some_turns(index: TurnIndex, first: int, last: int) -> RecordedTurns | 
     Returns
     -------
     RecordedTurns or None
-        The turns from `first` to `last` only; `whole` has numbers of the whole recording. None if
-        all of the recording must be read: it lacks one of the turns; packets are repeated, damaged
+        The turns from `first` to `last` only; `whole` has numbers of the whole recording, and
+        the time at which it began is unknown. None if all of the recording must be read: it lacks one of the turns; packets are repeated, damaged
         or out of order; an Ouster's turn is not complete; or a calibration must be read from all
         packets (HDL-64E).
 
@@ -78,7 +78,7 @@ def read_some_turns(index: TurnIndex, first: int, last: int) -> RecordedTurns | 
         if not whole:
             return None
         tell_irregularities(index.path, log)
-    return recorded._replace(whole=whole)
+    return recorded._replace(whole=whole, begun_s=None)
 
 
 def _log(index: TurnIndex, payloads: Payloads) -> PacketLog | None:

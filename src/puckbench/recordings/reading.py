@@ -6,13 +6,16 @@ from dataclasses import replace
 from pathlib import Path
 from typing import NamedTuple
 
+import numpy as np
+
 from pointkit.errors import InputError, naming
 from pointkit.files import read_bytes
 from pointkit.lidar.return_table import ReturnTable, read_return_table
-from pointkit.lidar.returns import Returns
+from pointkit.lidar.returns import HOUR_US, Returns
 from pointkit.lidar.sensor import Sensor
 from pointkit.lidar.sensors import load_sensor
 from pointkit.lidar.times import TimeUnit
+from pointkit.lidar.turns import clock_steps
 from pointkit.lidar.unit_calibration import calibration_beside, calibration_in_packets, is_s3
 from puck.recordings.captured_packets import is_packet_capture
 from puck.recordings.data_packets import (
@@ -126,11 +129,22 @@ class RecordedTurns(NamedTuple):
         Numbers of the complete turns in `returns`.
     left_out
         Counts of data that were left out, by name.
+    begun_s
+        Time since 1970, in s, at which the first packet was received, i.e. the first turn began.
     """
 
     returns: Returns
     whole: range
     left_out: dict[str, int]
+    begun_s: float | None
+
+    def time_s(self, turn: int) -> float | None:
+        """Return the time since 1970 at which a turn began by the sensor's clock, in s, if known."""
+        if self.begun_s is None:
+            return None
+        clocks = [each.times for each in self.returns.turns[: turn + 1]]
+        begun_us = np.array([float(clock[0]) for clock in clocks if clock is not None])
+        return self.begun_s + float(clock_steps(begun_us, HOUR_US).sum()) * 1e-6
 
 
 def read_turns(
@@ -172,10 +186,11 @@ def turns_of_packets(
         Packets from which the calibration of an HDL-64E is read; by default, those of `log`.
     """
     left_out = {name: int(log.about[name]) for name in LEFT_OUT if log.about.get(name)}
+    begun_s = float(log.received.min())
     if log.sensor:
-        return RecordedTurns(*ouster_turns(log.sensor, log.payloads), left_out)
+        return RecordedTurns(*ouster_turns(log.sensor, log.payloads), left_out, begun_s)
     returns = returns_of_packets(log.payloads, _unit(calibrating or log, source))
-    return RecordedTurns(returns, range(1, len(returns.turns) - 1), left_out)
+    return RecordedTurns(returns, range(1, len(returns.turns) - 1), left_out, begun_s)
 
 
 def read_packets(

@@ -164,7 +164,8 @@ class Recordings(RecordingSet):
         about = {"source": path.name, "first_turn": first, "sensor": recording.sensor, **left_out}
         turns = recording.turns[first - skipped : first - skipped + self.turns]
         cloud_returns = replace(recording, turns=turns)
-        return Scene(name, safe_name(path.stem), returns=cloud_returns, about=about)
+        group, time_s = safe_name(path.stem), recorded.time_s(first - skipped)
+        return Scene(name, group, returns=cloud_returns, about=about, time_s=time_s)
 
     def _numbers(self, path: Path) -> range:
         from puckbench.recordings.long_recordings import count_whole_turns

@@ -79,7 +79,7 @@ def read_selected_turns(
         if recorded is None:
             with decompressed(path) as recording:
                 recorded = read_turns(recording, 0.0, stream, path, topic)
-        returns, whole, left_out = recorded
+        returns, whole, left_out, _ = recorded
         if turns is None:
             first = last = whole[0] if whole else min(1, len(returns.turns) - 1)
         selected = select_turns(returns, (first - skipped, last - skipped))
