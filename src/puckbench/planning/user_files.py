@@ -26,7 +26,7 @@ from puckbench.codecs.rates import (
     rates_of,
     scaled_rates,
 )
-from puckbench.codecs.registry import codec_class, open_codec
+from puckbench.codecs.registry import open_codec
 from puckbench.geometry.scaling import METRIC
 from puckbench.planning.config import checked, trusted
 from puckbench.planning.costs import costs_of
@@ -170,8 +170,8 @@ class UserRun:
         }
         plan = Plan(trusted(config), check_scenes=True)
         plan.memory.save()  # so that the run does not read the files again
-        for codec, rates in self._chosen_rates(plan).items():
-            config["codecs"][codec] |= rates
+        rates = self._chosen_rates(plan)
+        config["codecs"] = {name: config["codecs"][name] | rates[name] for name in rates}
         if unused := {**self.unused(), **self._reductions}:
             config["unused"] = unused
         count = len(plan.clouds)
@@ -334,36 +334,47 @@ class UserRun:
 
     def _default_codecs(self, kinds: Collection[Kind]) -> tuple[str, ...]:
         clouds = CODECS if set(kinds) != {"recordings"} else ()
-        usual = dict.fromkeys([*clouds, *(CODECS_OF_RECORDINGS if "recordings" in kinds else ())])
-        offered = {name: codec_class(name) for name in usual}
-        lacking = [
-            name
-            for name, codec in offered.items()
-            if {*self.rates} - {"all"} and not any(find_rate(codec, rate) for rate in self.rates)
-        ]
-        if len(lacking) == len(usual):
-            return tuple(usual)
-        for name in lacking:
-            rates = offered[name].rates
-            has = ", ".join([*metric_rates(rates), *scaled_rates(rates)])
-            self._reductions[f"codec {name}"] = f"none of the requested rates (it has {has})"
-        return tuple(name for name in usual if name not in lacking)
+        return (*dict.fromkeys([*clouds, *(CODECS_OF_RECORDINGS if "recordings" in kinds else ())]),)
 
     def _chosen_rates(self, plan: Plan) -> dict[str, Options]:
+        """Return the lists of rates for the entries of those codecs that have requested rates."""
         check_codecs(plan)
         few = not self.rates and _seconds(plan) > _BUDGET_S
-        changes: dict[str, Options] = {codec: {} for codec in plan.codecs}
+        changes: dict[str, Options] = {}
         for codec in plan.codecs:
-            for frame in plan.frames:
-                rates = plan.rates(codec, frame)
-                selected = self._selected_rates(plan, codec, frame, few) if rates else rates
-                if few and len(selected) < len(rates):
-                    counts = f"{len(selected)} of {len(rates)} rates"
+            offered = {frame: rates for frame in plan.frames if (rates := plan.rates(codec, frame))}
+            chosen = {frame: self._selected_rates(plan, codec, frame, few) for frame in offered}
+            if not any(chosen.values()):
+                has = ", ".join(rate for rates in offered.values() for rate in rates)
+                self._reductions[f"codec {codec}"] = f"none of the requested rates (it has {has})"
+                continue
+            for frame, selected in chosen.items():
+                if few and len(selected) < len(offered[frame]):
+                    counts = f"{len(selected)} of {len(offered[frame])} rates"
                     self._reductions[f"codec {codec}"] = f"{counts}: all take long (--rates all)"
                 _check_width(plan, codec, frame, selected)
-                if selected != rates:
-                    changes[codec][_KEYS[frame]] = list(selected)
+            changes[codec] = {
+                _KEYS[frame]: list(selected)
+                for frame, selected in chosen.items()
+                if selected != offered[frame]
+            }
+        self._check_chosen(plan, changes)
         return changes
+
+    def _check_chosen(self, plan: Plan, changes: Mapping[str, Options]) -> None:
+        """Raise InputError if no codec has a requested rate for the clouds of a frame."""
+        lacking = [codec for codec in plan.codecs if codec not in changes] if self.strict else []
+        for frame in plan.frames:
+            offering = [codec for codec in plan.codecs if plan.rates(codec, frame)]
+            kept = [codec for codec in offering if codec in changes]
+            if all(changes[codec].get(_KEYS[frame]) == [] for codec in kept):
+                lacking += offering
+        if lacking:
+            rates = [rate for frame in plan.frames for rate in plan.rates(lacking[0], frame)]
+            raise InputError(
+                f"--rates: codec {lacking[0]} has none of {', '.join(self.rates)} "
+                f"({', '.join(rates)}){self._other_frame(plan, lacking[0])}"
+            )
 
     def _selected_rates(
         self, plan: Plan, codec: str, frame: CoordinateFrame, few: bool
@@ -377,13 +388,8 @@ class UserRun:
         names = [
             rate for rate in self.rates if rate in rates or (is_metric and is_length(opened, rate))
         ]
-        if not names:
-            raise InputError(
-                f"--rates: codec {codec} has none of {', '.join(self.rates)} "
-                f"({', '.join(rates)}){self._other_frame(plan, codec)}"
-            )
         changes = {**plan.config.codec(codec), _KEYS[frame]: names}
-        return tuple(rates_of(open_codec(codec, changes), frame))
+        return tuple(rates_of(open_codec(codec, changes), frame)) if names else ()
 
     def _other_frame(self, plan: Plan, codec: str) -> str:
         for frame in get_args(CoordinateFrame):

@@ -161,14 +161,28 @@ def test_recordings_are_compared_in_codecs_of_sensors_where_none_are_named() -> 
     assert list(made("mine/a.npy", "drive.pcap", codecs=())["codecs"]) == ["draco", *of_sensors]
 
 
-def test_a_usual_codec_without_a_requested_rate_is_left_out_and_named() -> None:
-    config = made("drive.pcap", codecs=(), rates=("100mm", "10mm"))
+@pytest.mark.parametrize("codecs", [(), ("gpcc_predictive", "gpcc", "puck")])
+def test_a_codec_without_a_requested_rate_is_left_out_and_named(codecs: tuple[str, ...]) -> None:
+    config = made("drive.pcap", codecs=codecs, rates=("100mm", "10mm"))
     assert list(config["codecs"]) == ["gpcc", "puck"]
     assert config["unused"]["codec gpcc_predictive"].startswith("none of the requested rates (it")
-    with pytest.raises(InputError, match="codec gpcc_predictive has none of 100mm"):
-        made("drive.pcap", codecs=("puck", "gpcc_predictive"), rates=("100mm", "10mm"))
+
+
+def test_a_codec_without_a_requested_rate_ends_a_strict_run_and_a_run_of_no_other() -> None:
+    none = "codec gpcc_predictive has none of 100mm"
+    with pytest.raises(InputError, match=none):
+        made("drive.pcap", codecs=("puck", "gpcc_predictive"), rates=("100mm",), strict=True)
+    with pytest.raises(InputError, match=none):
+        made("drive.pcap", codecs=("gpcc_predictive",), rates=("100mm",))
     with pytest.raises(InputError, match="--frame scaled: recordings are coded in metres"):
         made("drive.pcap", codecs=("primitives",), frame="scaled")
+
+
+def test_rates_that_no_codec_has_for_one_of_two_frames_are_refused() -> None:
+    with pytest.raises(InputError, match=r"codec draco has none of 100mm"):
+        made("mine/a.npy", "drive.pcap", codecs=("draco", "puck"), rates=("100mm",))
+    config = made("mine/a.npy", "drive.pcap", codecs=("draco", "puck"), rates=("100mm", "r1"))
+    assert config["codecs"]["draco"] == {"rates": ["r1"], "metric_rates": ["100mm"]}
 
 
 def test_rates_may_be_any_lengths() -> None:
