@@ -12,9 +12,11 @@ from cloud_files import clouds, meshes
 from cloud_files.clouds import IN_METRES
 from cloud_files.content import plain_suffix
 from cloud_files.ply import has_faces
+from pointkit.column_tables import is_table_of
 from pointkit.errors import NARROWER, InputError, naming
 from pointkit.files import special_kind, write_bytes
 from pointkit.geometry.cloud import CoordinateFrame
+from pointkit.lidar.return_table import ReturnTable
 from pointkit.yaml_files import yaml_text
 from puckbench.codecs.base import CloudKind
 from puckbench.codecs.coding import skip_reason, why_not_here
@@ -36,7 +38,7 @@ from puckbench.scene_sets import captured_rooms, recordings
 from puckbench.scene_sets.registry import open_scene_set
 from puckbench.scene_sets.user_files import check_units, is_file_or_lost, is_named
 
-Kind = Literal["clouds", "meshes", "recordings", "recorded_clouds"]
+Kind = Literal["clouds", "meshes", "recordings", "recorded_clouds", "capture_tables"]
 Options = dict[str, Any]
 
 CONFIG = "config.yaml"
@@ -60,17 +62,21 @@ _LOADERS: dict[Kind, str] = {
     "meshes": "mesh_files",
     "recordings": "recordings",
     "recorded_clouds": "recorded_clouds",
+    "capture_tables": "capture_tables",
 }
 _OPTIONS: dict[Kind, tuple[str, ...]] = {
     "clouds": ("drop_invalid", "keep_missing", "bin_columns", "metres_per_unit"),
     "meshes": ("up", "metres_per_unit"),
     "recordings": ("topic",),
     "recorded_clouds": ("drop_invalid", "keep_missing", "topic"),
+    "capture_tables": (),
 }
 """Names of the loaders' options, by kind of input."""
 _RECORDED: tuple[Kind, ...] = ("recordings", "recorded_clouds")
+_OF_TURNS: tuple[Kind, ...] = (*_RECORDED, "capture_tables")
+_TABLE = ".parquet"
 _EXAMPLES: dict[str, str] = {
-    **dict.fromkeys(("clouds", "meshes", "recorded_clouds"), "object"),
+    **dict.fromkeys(("clouds", "meshes", "recorded_clouds", "capture_tables"), "object"),
     "scans": "noisy",
 }
 _OWN_CLASS = re.compile(r".+\.py:(?P<file>\w+)|[\w.]+:(?P<module>\w+)")
@@ -262,7 +268,7 @@ class UserRun:
             options["metres_per_unit"] = {name: units[name] for name in units if name in named}
         options = {"path": paths[0] if len(paths) == 1 else paths, **options}
         entry: Options = {"loader": _LOADERS[kind], "options": options}
-        if kind not in _RECORDED:
+        if kind not in _OF_TURNS:
             return {**entry, **({"limit": self.limit} if self.limit else {})}
         for path in (path for text in paths if Path(text).is_dir() for path in _files(text)):
             if recordings.is_copy(path):
@@ -287,7 +293,7 @@ class UserRun:
             return {"scene_set": kind, "make": "cloud", "size": METRIC}
         frame = self.frame or self._default_frame(kind, scenes)
         size = {"size": METRIC if frame == "metric" else _CUBE}
-        if kind in ("clouds", "recorded_clouds"):
+        if kind in ("clouds", "recorded_clouds", "capture_tables"):
             return {"scene_set": kind, "make": "cloud", **size}
         if not self.scan:
             return {"scene_set": kind, "make": "sample", "points": self.points or _POINTS, **size}
@@ -295,7 +301,7 @@ class UserRun:
         return {"scene_set": kind, "make": "scan", "errors": self.errors, "sweep": sweep, **size}
 
     def _default_frame(self, kind: Kind, scenes: Options) -> CoordinateFrame:
-        if kind == "recorded_clouds":
+        if kind in ("recorded_clouds", "capture_tables"):
             return "metric"
         return "scaled" if kind == "meshes" else self._frame_of_clouds(scenes)
 
@@ -423,13 +429,16 @@ def _why_unused(text: str) -> str:
     if kind := special_kind(path):
         return f"{kind}, not a file"
     suffixes = ", ".join(dict.fromkeys((*clouds.SUFFIXES, *meshes.SUFFIXES)))
-    return f"{NOTHING_THERE} there ({suffixes}, {', '.join(recordings.RECORDING_SUFFIXES)})"
+    others = ", ".join(recordings.RECORDING_SUFFIXES)
+    return f"{NOTHING_THERE} there ({suffixes}, {others}, {_TABLE} of capture)"
 
 
 def _kind(path: Path) -> Kind | None:
     suffix = plain_suffix(path)
     if path.is_dir() or path.suffix.lower() in recordings.RECORDING_SUFFIXES:
         return "recordings"
+    if suffix == _TABLE:
+        return "capture_tables" if is_table_of(path, ReturnTable) else None
     if suffix == ".ply":
         return "meshes" if has_faces(path) else "clouds"
     if suffix in clouds.SUFFIXES:

@@ -12,6 +12,7 @@ import trimesh
 import yaml
 
 from pointkit.errors import InputError
+from pointkit.lidar.return_table import read_return_table
 from puckbench.cli import main
 from puckbench.planning.config import checked
 from puckbench.planning.plan import Plan
@@ -19,6 +20,7 @@ from puckbench.planning.study_run import study_configuration
 from puckbench.planning.user_files import UserRun, write_configuration
 from puckbench.planning.workflow import Workflow
 from puckbench.report.reference_results import read_reference
+from puckbench.scene_sets.registry import open_scene_set
 from tests.cloud_files.test_cloud_formats import write_las
 from tests.support.bag_files import sqlite_bag
 from tests.support.cloud_bags import cloud_bag
@@ -420,3 +422,29 @@ def test_a_fault_is_one_line_before_anything_runs(
     assert line.startswith("puckbench: ")
     assert all(part in line for part in BAD[words])
     assert not Path("out/config.yaml").exists()
+
+
+def test_a_table_of_capture_is_coded_turn_by_turn_in_metres() -> None:
+    assert main(["capture", "drive.pcap", "mine/returns.parquet"]) == 0
+    table = read_return_table(Path("mine/returns.parquet"))
+    config = made("mine/returns.parquet", codecs=(), limit=2)
+    assert config["datasets"] == {
+        "capture_tables": {"scene_set": "capture_tables", "make": "cloud", "size": "metric"}
+    }
+    assert list(config["codecs"]) == ["draco", "gpcc"]
+    assert config["unused"]["capture_tables"].endswith("clouds are coded (--limit)")
+    (name, *_) = config["scene_sets"]["capture_tables"]["select"]
+    assert name == "returns_0001"  # the first turn is cut off
+    cloud = open_scene_set("capture_tables", {"path": "mine"}).load(name).cloud
+    turn = table.select(table["turn"] == 1)
+    assert cloud is not None
+    assert np.array_equal(cloud.xyz, np.column_stack([turn[axis] for axis in "xyz"]))
+    assert np.array_equal(cloud.fields["reflectivity"], turn["reflectivity"])
+    with pytest.raises(InputError, match=r"codec puck: .*returns"):
+        made("mine/returns.parquet", codecs=("puck",))
+
+
+def test_other_tables_are_left_out() -> None:
+    Path("mine/other.parquet").write_bytes(b"PAR1")
+    config = made("mine/other.parquet", "mine/a.npy")
+    assert config["unused"]["mine/other.parquet"].startswith("no cloud, mesh or recording there")
