@@ -42,8 +42,8 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     add = parser.add_argument
     text = (
         "clouds (PLY, PCD, LAS, LAZ, E57, XYZ, CSV, TXT, NPY, NPZ, KITTI's .bin), meshes (OBJ, "
-        "OFF, PLY, STL, GLB), recordings (.pcap, .bag, .mcap, ...), folders or patterns; or one "
-        "configuration (.yaml), and options of Snakemake after --"
+        "OFF, PLY, STL, GLB), recordings (.pcap, .bag, .mcap, ...), tables of capture (.parquet), "
+        "folders or patterns; or one configuration (.yaml), and options of Snakemake after --"
     )
     add("files", nargs="*", help=text)
     defaults = f"default: {' '.join(CODECS)}; for recordings {' '.join(CODECS_OF_RECORDINGS)}"

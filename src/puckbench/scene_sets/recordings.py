@@ -1,7 +1,7 @@
 from __future__ import annotations
 
 from abc import abstractmethod
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
 from functools import cached_property
@@ -57,7 +57,7 @@ class RecordingSet(SceneSet):
     """Topic to read in ROS bags with several suitable topics."""
 
     @abstractmethod
-    def _numbers(self, path: Path) -> range:
+    def _numbers(self, path: Path) -> Sequence[int]:
         """Return the indices of a recording's clouds; raise InputError if it is unusable."""
 
     def names(self) -> list[str]:
@@ -110,7 +110,7 @@ class RecordingSet(SceneSet):
         faulty: dict[str, tuple[Path, int | None]] = {}
         for name, path in self._recordings.items():
             try:
-                numbers = self._numbers(path)
+                numbers: Sequence[int] = self._numbers(path)
             except InputError:
                 numbers = range(0)
             table |= {f"{name}_{number:04d}": (path, number) for number in numbers}
