@@ -37,6 +37,8 @@ _SCALES = (0, 1, 10, 100, 1000, 10000, 255, 256, 1000000)
 _MOST_WHOLE = 1e6
 _MOST_ODD = 0.02
 """Share of floats that may not be integers in a column's unit; they are listed."""
+_SAMPLE = 200
+"""Number of floats that are tried first."""
 _MOST_VALUE = 1 << 23
 _FEWEST_POINTS = 64
 _UNSTRUCTURED = 1 << 40
@@ -182,22 +184,19 @@ class PointCoder:
 
     def _column_plan(self, k: int, values: Values, array: Ints, width: int) -> ColumnPlan:
         column = self.layout.columns[k]
+        if column.name.lower() in _RING_NAMES + _TIME_NAMES or _is_regular(array, width):
+            return ColumnPlan(_SERIES)
         scale, whole = 0, array
         if column.datatype == FLOAT32:
             scale, whole = _scaled(singles(array), array)
         source = whole if scale else values
         lowest, greatest = int(source.min()), int(source.max())
         span = greatest - lowest
-        if column.size == 8 and not scale and span >= 1 << 62:
-            return ColumnPlan(_SERIES)
-        if column.name.lower() in _RING_NAMES + _TIME_NAMES:
-            return ColumnPlan(_SERIES)
         steps = np.abs(np.diff(whole))
-        if _is_regular(whole, width) or not len(steps):
+        if not len(steps):
             return ColumnPlan(_SERIES)
-        typical = int(np.median(steps))
-        shift = max(typical.bit_length() - 6, 0)
-        if span >> shift >= _MOST_VALUE - 2:
+        shift = max(int(np.median(steps)).bit_length() - 6, 0)
+        if span >= 1 << 62 or span >> shift >= _MOST_VALUE - 2:
             return ColumnPlan(_SERIES)
         return ColumnPlan(_VALUES, scale, shift, lowest % (1 << 64), (span >> shift) + 1)
 
@@ -364,7 +363,7 @@ class PointCoder:
             near[:, 8:] = 0
         self._code_part(
             parts, "ranges", self._new_values, 80 * len(rings), code_values, ranges, before, near, rings,
-            np.zeros(len(rings), np.int32), farthest, True,
+            farthest, True,
         )  # fmt: skip
         state.values[-1] = ranges
         self._code_points(
@@ -453,7 +452,7 @@ class PointCoder:
             near[:, 8:] = len(before.values) - 1
         self._code_part(
             parts, f"values {k}", self._new_values, 80 * len(there), code_values, column, before, near,
-            rings[there], np.zeros(len(there), np.int32), plan.farthest, False,
+            rings[there], plan.farthest, False,
         )  # fmt: skip
         self.state.values[k] = column
         if plan.shift:
@@ -505,7 +504,11 @@ def _is_missing(bits: tuple[int, int, int], x: Ints, y: Ints, z: Ints) -> NDArra
 
 def _scaled(floats: NDArray[np.float32], bits: Ints) -> tuple[int, Ints]:
     """Return the index of the scale by which floats are integers, and these; 0 for the bits."""
+    few = slice(0, _SAMPLE)
     for k in range(1, len(_SCALES)):
+        _, odd = _whole(floats[few], bits[few], k)
+        if 2 * np.count_nonzero(odd) > len(odd):
+            continue
         whole, odd = _whole(floats, bits, k)
         if np.count_nonzero(odd) <= _MOST_ODD * len(bits):
             return k, whole
