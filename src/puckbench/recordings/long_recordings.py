@@ -52,10 +52,10 @@ def read_some_turns(index: TurnIndex, first: int, last: int) -> RecordedTurns | 
     Returns
     -------
     RecordedTurns or None
-        The turns from `first` to `last` only; `whole` has numbers of the whole recording, and
-        the time at which it began is unknown. None if all of the recording must be read: it lacks one of the turns; packets are repeated, damaged
-        or out of order; an Ouster's turn is not complete; or a calibration must be read from all
-        packets (HDL-64E).
+        The turns from `first` to `last` only; `whole` has numbers of the whole recording, and the
+        time at which it began is unknown. None if all of the recording must be read: it lacks one
+        of the turns; packets are repeated, damaged or out of order; an Ouster's turn is not
+        complete; or a calibration must be read from all packets (HDL-64E).
 
     Raises
     ------
