@@ -7,6 +7,7 @@ from collections.abc import Callable
 import numpy as np
 
 from pointkit.coding.byte_io import Reader, base_128
+from pointkit.coding.zstandard import compressed
 from pointkit.errors import InputError
 from puck.clouds.coding import PointCoder
 from puck.clouds.layout import CloudField, CloudLayout, Shape, data_of, points_of, shape_of
@@ -16,7 +17,10 @@ from puck.records import check
 
 __all__ = ["CloudDecoder", "CloudEncoder", "CloudField", "CloudLayout"]
 
-_RAW, _POINTS = range(2)
+_RAW, _POINTS, _SAME = range(3)
+_QUICKLY, _SAMPLE, _CLOSE = 1, 1 << 16, 1.3
+"""Level of Zstandard and bytes of a sample that tell whether LZMA may be better, and how near they
+then come to the coded columns."""
 _MOST_POINTS = 1 << 22
 
 
@@ -26,6 +30,7 @@ class CloudEncoder:
     def __init__(self, layout: CloudLayout, options: CodingOptions) -> None:
         self._layout, self._options = layout, options
         self._coder: PointCoder | None = None
+        self._before: bytes | None = None
 
     def encode(
         self, data: bytes, width: int, height: int, row_step: int, *, is_key: bool
@@ -42,15 +47,28 @@ class CloudEncoder:
             Whether the bytes can be decoded without those of earlier messages.
         """
         layout = self._layout
-        shape = shape_of(layout, len(data), width, height, row_step)
         if is_key:
             self._coder = None
+        elif data == self._before:
+            return bytes([_SAME])
+        self._before = data
+        coded = self._points(data, shape_of(layout, len(data), width, height, row_step))
+        if not coded or _quick_size(data) < _CLOSE * len(coded):
+            raw = bytes([_RAW]) + compress_bytes(data)
+            if not coded or len(raw) <= len(coded):
+                self._coder = None
+                return raw
+        return coded
+
+    def _points(self, data: bytes, shape: Shape) -> bytes:
+        """Return points coded by their columns, or no bytes if the data have no points."""
+        layout, effort = self._layout, self._options.effort
         if not layout.is_codable or not 0 < shape.rows * shape.columns <= _MOST_POINTS:
-            return bytes([_RAW]) + compress_bytes(data)
-        is_key = self._coder is None
-        self._coder = self._coder or PointCoder(layout, self._options.effort)
+            return b""
+        is_first = self._coder is None
+        self._coder = self._coder or PointCoder(layout, effort)
         points, rest = points_of(np.frombuffer(data, np.uint8), layout.point_step, shape)
-        head = bytes([_POINTS | is_key << 4 | EFFORTS.index(self._options.effort) << 5])
+        head = bytes([_POINTS | is_first << 4 | EFFORTS.index(effort) << 5])
         beside = compress_bytes(rest)
         coded = self._coder.encode(points, _width(shape))
         return head + b"".join(map(base_128, (*shape, len(beside)))) + beside + coded
@@ -62,6 +80,7 @@ class CloudDecoder:
     def __init__(self, layout: CloudLayout) -> None:
         self._layout = layout
         self._coder: PointCoder | None = None
+        self._before: bytes | None = None
 
     def decode(self, body: bytes, admit: Callable[[int], None]) -> bytes:
         """Return the data of a message.
@@ -82,8 +101,14 @@ class CloudDecoder:
         layout, reader = self._layout, Reader(body)
         head = reader.take(1)[0]
         mode, is_key, effort = head & 15, bool(head & 16), head >> 5
+        if mode == _SAME:
+            check(self._before is not None and not reader.rest())
+            admit(len(self._before or b""))
+            return self._before or b""
+        self._before = None
         if mode == _RAW:
-            return decompress_bytes(reader, admit)
+            self._coder, self._before = None, decompress_bytes(reader, admit)
+            return self._before
         check(mode == _POINTS and layout.is_codable and effort < len(EFFORTS))
         shape = Shape(*(reader.number() for _ in range(4)))
         count, others = shape.rows * shape.columns, shape.rows * shape.gap + shape.tail
@@ -98,7 +123,14 @@ class CloudDecoder:
         points = coder.decode(reader, count, _width(shape))
         check(not reader.rest())
         self._coder = coder
-        return data_of(points, rest, shape)
+        self._before = data_of(points, rest, shape)
+        return self._before
+
+
+def _quick_size(data: bytes) -> int:
+    """Return about how many bytes a fast compressor takes, from a part of the data."""
+    part = data[len(data) // 2 :][:_SAMPLE]
+    return len(compressed(part, _QUICKLY)) * len(data) // max(len(part), 1)
 
 
 def _width(shape: Shape) -> int:

@@ -15,6 +15,7 @@ from puck.clouds.layout import FLOAT32, Bytes, CloudLayout, Column, Values, from
 from puck.clouds.neighbours import Rings, neighbours_of, rings_of
 from puck.clouds.rays import Rays, fitted_rays
 from puck.clouds.series import (
+    FOLLOWERS,
     PREDICTIONS,
     RINGS,
     SeriesModel,
@@ -23,15 +24,21 @@ from puck.clouds.series import (
     new_series_model,
 )
 from puck.clouds.values import ValueColumn, ValueModel, blank_column, code_values, new_value_model
+from puck.gaps import compress_bytes, decompress_bytes
 from puck.options import Effort
 from puck.records import check
 from puck.turns import PartReader, Parts, PartWriter, with_coder
 
-_CONSTANT, _SERIES, _VALUES, _RAY = range(4)
+_CONSTANT, _SERIES, _VALUES, _RAY, _RANGE = range(5)
 _RING_NAMES = ("ring", "channel", "laser_id", "line", "laser")
 _TIME_NAMES = ("t", "time", "timestamp", "time_stamp", "offset_time", "time_offset")
 _SCALES = (0, 1, 10, 100, 1000, 10000, 255, 256, 1000000)
 """Factors by which a column of floats may become integers; 0 for the bits of the floats."""
+_MOST_WHOLE = 1e6
+_MOST_ODD = 0.02
+"""Share of floats that may not be integers in a column's unit; they are listed."""
+_SAMPLE = 200
+"""Number of floats that are tried first."""
 _MOST_VALUE = 1 << 23
 _FEWEST_POINTS = 64
 _UNSTRUCTURED = 1 << 40
@@ -56,7 +63,7 @@ class ColumnPlan(NamedTuple):
     def unpacked(cls, reader: Reader) -> ColumnPlan:
         """Read what `packed` wrote."""
         way, scale, shift = reader.take(3)
-        check(way <= _RAY and scale < len(_SCALES) and shift < 64)
+        check(way <= _RANGE and scale < len(_SCALES) and shift < 64)
         lowest, farthest = reader.number(10), reader.number()
         check(lowest < 1 << 64 and farthest <= _MOST_VALUE)
         return cls(way, scale, shift, lowest, farthest)
@@ -166,28 +173,26 @@ class PointCoder:
         for k, column in enumerate(columns):
             if column is None:
                 columns[k] = self._column_plan(k, table[k], arrays[k], width)
+                if geometry is not None and len(there):
+                    columns[k] = _range_plan(arrays[k][there], geometry[1]) or columns[k]
         chosen = tuple(column for column in columns if column is not None)
         return CloudPlan(chosen, rays, is_same, missing, has_missing), geometry
 
     def _column_plan(self, k: int, values: Values, array: Ints, width: int) -> ColumnPlan:
         column = self.layout.columns[k]
+        if column.name.lower() in _RING_NAMES + _TIME_NAMES or _is_regular(array, width):
+            return ColumnPlan(_SERIES)
         scale, whole = 0, array
         if column.datatype == FLOAT32:
             scale, whole = _scaled(singles(array), array)
-        lowest, greatest = int(values.min()), int(values.max())
-        if scale:
-            lowest, greatest = int(whole.min()), int(whole.max())
+        source = whole if scale else values
+        lowest, greatest = int(source.min()), int(source.max())
         span = greatest - lowest
-        if column.size == 8 and not scale and span >= 1 << 62:
-            return ColumnPlan(_SERIES)
-        if column.name.lower() in _RING_NAMES + _TIME_NAMES:
-            return ColumnPlan(_SERIES)
         steps = np.abs(np.diff(whole))
-        if _is_regular(whole, width) or not len(steps):
+        if not len(steps):
             return ColumnPlan(_SERIES)
-        typical = int(np.median(steps))
-        shift = max(typical.bit_length() - 6, 0)
-        if span >> shift >= _MOST_VALUE - 2:
+        shift = max(int(np.median(steps)).bit_length() - 6, 0)
+        if span >= 1 << 62 or span >> shift >= _MOST_VALUE - 2:
             return ColumnPlan(_SERIES)
         return ColumnPlan(_VALUES, scale, shift, lowest % (1 << 64), (span >> shift) + 1)
 
@@ -218,7 +223,7 @@ class PointCoder:
         rays, missing = None, (0, 0, 0)
         are_rays = {k for k, plan in enumerate(columns) if plan.way == _RAY}
         check(are_rays == (set(self.geometry[:3]) if flags & 1 and self.geometry else set()))
-        check(bool(flags & 1) == bool(are_rays))
+        check(bool(flags & 1) or all(plan.way != _RANGE for plan in columns))
         if flags & 1:
             x, y, z = reader.number(), reader.number(), reader.number()
             missing = x, y, z
@@ -256,16 +261,23 @@ class PointCoder:
         there: NDArray[np.intp] | None = None
         if plan.rays is not None and self.geometry is not None:
             there, around = self._code_rays(plan, arrays, rings, width, parts, geometry)
-            near, seen = self._neighbours(rings[there], around, plan.rays.count, parts, geometry, plan, arrays, there)
+            near, seen, ranges = self._neighbours(rings[there], around, plan.rays.count, parts, geometry, plan, arrays, there)
         else:
             there = np.arange(count)
             near, seen = self._plain_neighbours(count)
+            ranges = np.zeros(count, np.int64)
         is_there = np.zeros(count, bool)
         is_there[there] = True
         others = np.flatnonzero(~is_there)
         for k, one in enumerate(plan.columns):
             if one.way == _VALUES:
-                self._code_values(k, one, arrays[k], there, others, rings, near, parts)
+                self._code_values(k, one, arrays[k], there, rings, near, parts)
+            elif one.way == _RANGE:
+                arrays[k][there] = ranges * one.farthest + _as_signed(one.lowest)
+            if one.way in (_VALUES, _RANGE) and len(others):
+                rest = arrays[k][others]
+                self._code_series(f"others {k}", rest, rings[others], 0, 8 * columns[k].size, parts)
+                arrays[k][others] = rest
         state.rings, state.rays = seen, plan.rays
 
     def _code_part(
@@ -295,6 +307,7 @@ class PointCoder:
             np.zeros(count, np.uint8) if extra is None else extra, before,
             np.zeros(count, bool) if skips is None else skips, width, bits,
             np.zeros(PREDICTIONS, np.int64), np.zeros(count, np.int64), np.zeros((2, RINGS), np.int32),
+            np.full(FOLLOWERS, -1, np.int32),
         )  # fmt: skip
         self.state.series[name] = values
 
@@ -342,11 +355,11 @@ class PointCoder:
             near[:, 8:] = 0
         self._code_part(
             parts, "ranges", self._new_values, 80 * len(rings), code_values, ranges, before, near, rings,
-            np.zeros(len(rings), np.int32), farthest, True,
+            farthest, True,
         )  # fmt: skip
         state.values[-1] = ranges
         self._code_points(plan.rays, arrays, there, rings, around, ranges.values[:-1] - 1.0, parts, geometry is not None, plan)
-        return near, now
+        return near, now, ranges.values[:-1].astype(np.int64) - 1
 
     def _plain_neighbours(self, count: int) -> tuple[Words, Rings | None]:
         rings, index = np.zeros(count, np.int32), np.arange(count)
@@ -390,19 +403,19 @@ class PointCoder:
                 arrays[k][there] = part
 
     def _code_values(
-        self, k: int, plan: ColumnPlan, array: Ints, there: Any, others: Any, rings: Words,
-        near: Words, parts: Parts,
+        self, k: int, plan: ColumnPlan, array: Ints, there: Any, rings: Words, near: Words,
+        parts: Parts,
     ) -> None:  # fmt: skip
-        datatype = self.layout.columns[k].datatype
-        bits = 8 * self.layout.columns[k].size
         lowest = _as_signed(plan.lowest)
-        low = np.zeros(0, np.int64)
+        low, listed = np.zeros(0, np.int64), b""
         column = blank_column(len(there))
         is_encoding = isinstance(parts, PartWriter)
         if is_encoding:
             whole = array[there]
             if plan.scale:
-                whole = np.rint(singles(whole).astype(np.float64) * _SCALES[plan.scale]).astype(np.int64)
+                bits = whole
+                whole, odd = _whole(singles(bits), bits, plan.scale)
+                listed = _listed(bits, odd)
             above = whole - lowest
             column.values[:-1] = (above >> plan.shift) + 1
             low = above & (1 << plan.shift) - 1
@@ -415,28 +428,38 @@ class PointCoder:
             near[:, 8:] = len(before.values) - 1
         self._code_part(
             parts, f"values {k}", self._new_values, 80 * len(there), code_values, column, before, near,
-            rings[there], np.zeros(len(there), np.int32), plan.farthest, False,
+            rings[there], plan.farthest, False,
         )  # fmt: skip
         self.state.values[k] = column
         if plan.shift:
             packed = parts.pass_bytes(_packed_bits(low, plan.shift) if is_encoding else b"")
             if not is_encoding:
                 low = _unpacked_bits(packed, len(there), plan.shift)
+        if plan.scale:
+            listed = parts.pass_bytes(listed)
         if not is_encoding:
             whole = (column.values[:-1].astype(np.int64) - 1 << plan.shift) + lowest
             if plan.shift:
                 whole += low
             if plan.scale:
-                whole = sorted_bits((whole / _SCALES[plan.scale]).astype(np.float32))
+                whole = _scaled_back(whole, plan.scale)
+                _write_listed(whole, listed)
             array[there] = whole
-        if len(others):
-            rest = array[others]
-            self._code_series(f"others {k}", rest, rings[others], 0, bits, parts)
-            array[others] = rest
 
 
 def _as_signed(number: int) -> np.int64:
     return np.uint64(number).astype(np.int64)
+
+
+def _range_plan(values: Ints, ranges: Ints) -> ColumnPlan | None:
+    """Return the plan of a column that follows from the ranges, or None if it does not."""
+    spread = int(np.argmax(ranges))
+    apart = int(ranges[spread] - ranges[0])
+    factor = int(values[spread] - values[0]) // apart if apart else 0
+    lowest = int(values[0]) - factor * int(ranges[0])
+    if 0 < factor <= _MOST_VALUE and (values == ranges * factor + lowest).all():
+        return ColumnPlan(_RANGE, lowest=lowest % (1 << 64), farthest=factor)
+    return None
 
 
 def _missing(x: Ints, y: Ints, z: Ints) -> tuple[tuple[int, int, int], NDArray[np.bool_]]:
@@ -457,13 +480,45 @@ def _is_missing(bits: tuple[int, int, int], x: Ints, y: Ints, z: Ints) -> NDArra
 
 def _scaled(floats: NDArray[np.float32], bits: Ints) -> tuple[int, Ints]:
     """Return the index of the scale by which floats are integers, and these; 0 for the bits."""
-    if np.isfinite(floats).all() and np.abs(floats).max(initial=0) < 1e6:
-        wide = floats.astype(np.float64)
-        for k, scale in enumerate(_SCALES[1:], 1):
-            whole = np.rint(wide * scale)
-            if (sorted_bits((whole / scale).astype(np.float32)) == bits).all():
-                return k, whole.astype(np.int64)
+    few = slice(0, _SAMPLE)
+    for k in range(1, len(_SCALES)):
+        _, odd = _whole(floats[few], bits[few], k)
+        if 2 * np.count_nonzero(odd) > len(odd):
+            continue
+        whole, odd = _whole(floats, bits, k)
+        if np.count_nonzero(odd) <= _MOST_ODD * len(bits):
+            return k, whole
     return 0, bits
+
+
+def _whole(floats: NDArray[np.float32], bits: Ints, scale: int) -> tuple[Ints, NDArray[np.bool_]]:
+    """Return floats as integers, and which floats are not restored from them."""
+    is_usual = np.abs(floats) < _MOST_WHOLE
+    whole = np.rint(np.where(is_usual, floats, 0).astype(np.float64) * _SCALES[scale])
+    numbers = whole.astype(np.int64)
+    return numbers, _scaled_back(numbers, scale) != bits
+
+
+def _scaled_back(whole: Ints, scale: int) -> Ints:
+    return sorted_bits((whole / _SCALES[scale]).astype(np.float32))
+
+
+def _listed(bits: Ints, odd: NDArray[np.bool_]) -> bytes:
+    """Return the places and values of odd numbers, compressed, or no bytes if there are none."""
+    places = np.flatnonzero(odd)
+    pairs = np.stack([np.diff(places, prepend=0), bits[places]]).astype("<u4")
+    return compress_bytes(pairs.tobytes()) if len(places) else b""
+
+
+def _write_listed(bits: Ints, listed: bytes) -> None:
+    """Write the numbers of `_listed` to their places."""
+    if listed:
+        most = 8 * len(bits)
+        raw = decompress_bytes(Reader(listed), lambda size: check(size <= most and size % 8 == 0))
+        steps, values = np.frombuffer(raw, "<u4").reshape(2, -1).astype(np.int64)
+        places = np.cumsum(steps)
+        check(not len(places) or int(places[-1]) < len(bits))
+        bits[places] = values
 
 
 def _is_regular(values: Ints, width: int) -> bool:

@@ -22,7 +22,7 @@ from puck.records import check
 Singles = NDArray[np.float32]
 Group = NDArray[np.intp]
 
-_UNITS_M = (0.005, 0.004, 0.002, 0.001)
+_UNITS_M = (0.008, 0.005, 0.004, 0.002, 0.001)
 """Units of range that are tried. Ranges that have none are coded in the last, and refined."""
 _STEPS = (512, 1024, 1800, 2048, 3600, 4096, 7200, 18000, 36000)
 """Numbers of azimuth steps in a revolution that are tried; the last is the one if none fits."""
@@ -291,7 +291,7 @@ def _estimated_step(beyond: Floats) -> float:
         counts = np.rint(apart / step)
         good = (counts > 0) & (apart < 6)
         if not good.any():
-            return 0.0
+            break
         step, span = float(np.median(apart[good] / counts[good])), 2 * span
     return step
 

@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from pointkit.coding.binary_coder import ONE, BitCoder, code, exhausted
+from pointkit.coding.binary_coder import BitCoder, code_uniform, exhausted
 from pointkit.coding.context_mixing import Ints, Mixer, MixerOptions, Words, code_bit, new_mixer
 from pointkit.coding.intrinsics import leading_zeros
 from pointkit.compiling import compiled_in_place, inlined
@@ -22,8 +22,12 @@ RINGS = 256
 """Number of rings that are told apart; larger numbers of rings are taken modulo this."""
 _NODES = 112
 _LEVELS = 12
-PREDICTIONS = 9
+_FEW_BITS = 12
+"""Number of low bits of a difference that are coded at once, all values being equally likely."""
+PREDICTIONS = 10
 """Number of predictions of a value."""
+FOLLOWERS = 1 << 16
+"""Number of entries of the table of the last place of a value, by its hash."""
 _CONTEXTS = 5
 _EXTRA = 256
 _SIZES = np.array([16 * PREDICTIONS, RINGS * 3, _LEVELS**2, 1 << PREDICTIONS, _EXTRA]) * _NODES
@@ -76,15 +80,18 @@ def code_signed(mixer: Mixer, difference: int) -> int:
     while length < 63 and _decide(mixer, 2 + min(length, 39), 1 if octave > length else 0) == 1:
         length += 1
     rest, number = size + 1, 1
-    for k in range(length - 1, -1, -1):
-        bit, depth = (rest >> k) & 1, length - 1 - k
-        if depth == 0:
-            bit = _decide(mixer, 42 + min(length, 29), bit)
-        elif depth == 1:
-            bit = _decide(mixer, 72 + min(length, 19) * 2 + (number & 1), bit)
-        else:
-            bit = code(mixer.bits, bit, ONE // 2)
-        number = number << 1 | bit
+    if length > 0:
+        length -= 1
+        number = 2 | _decide(mixer, 42 + min(length, 29), (rest >> length) & 1)
+    if length > 0:
+        length -= 1
+        node = 72 + min(length, 19) * 2 + (number & 1)
+        number = number << 1 | _decide(mixer, node, (rest >> length) & 1)
+    while length > 0:
+        few = min(length, _FEW_BITS)
+        length -= few
+        part = (rest >> length) & ((1 << few) - 1)
+        number = number << few | code_uniform(mixer.bits, part, 1 << few)
     return number if is_up == 1 else -number
 
 
@@ -98,6 +105,7 @@ def _wrapped(difference: int, width: int) -> int:
 def code_series(
     model: SeriesModel, values: Ints, rings: Words, extra: NDArray[np.uint8], before: Ints,
     skips: NDArray[np.bool_], width: int, bits: int, guesses: Ints, differences: Ints, last: Words,
+    places: Words,
 ) -> bool:  # fmt: skip
     """Encode or decode a column in place, and return False if the stream ends early.
 
@@ -119,10 +127,11 @@ def code_series(
         Number of points in a row of an organised cloud, otherwise 0.
     bits
         Number of bits of the values.
-    guesses, differences, last
-        Working memory (`PREDICTIONS`,), (n,) and (2, `RINGS`).
+    guesses, differences, last, places
+        Working memory (`PREDICTIONS`,), (n,), (2, `RINGS`) and (`FOLLOWERS`,), which is -1.
     """
     mixer, scores, starts, history = model.mixer, model.scores, model.starts, 0
+    is_fast = len(mixer.sizes.contexts) == 1
     last[:] = -1
     for i in range(len(values)):
         ring = rings[i]
@@ -140,6 +149,10 @@ def code_series(
         then = before[i] if i < len(before) else a
         guesses[7] = then
         guesses[8] = then + (a - before[i - 1]) if 0 < i < len(before) else then
+        slot = np.uint64(((a * 0x9E3779B1) >> 20) & (FOLLOWERS - 1))
+        place = int(places[slot])
+        guesses[9] = values[place + 1] if place >= 0 and values[place] == a else guesses[6]
+        places[slot] = i - 1
         best = 0
         for g in range(1, PREDICTIONS):
             if scores[g] < scores[best]:
@@ -153,7 +166,7 @@ def code_series(
         own_level = level(differences[j]) if j >= 0 else _LEVELS - 1
         last_level = level(differences[i - 1]) if i > 0 else 0
         at = mixer.contexts
-        if len(mixer.sizes.contexts) == 1:
+        if is_fast:
             at[0] = starts[2] + (last_level * _LEVELS + own_level) * _NODES
         else:
             agreed = 0
@@ -170,6 +183,10 @@ def code_series(
             value &= (1 << bits) - 1
         values[i], differences[i] = value, difference
         history = (history << 1 & 15) | (1 if difference == 0 else 0)
+        if is_fast and difference == 0 and i & 15 > 0:
+            last[1, ring] = last[0, ring]
+            last[0, ring] = i
+            continue
         for g in range(PREDICTIONS):
             wrong = abs(_wrapped(value - guesses[g], bits))
             cost = (64 - leading_zeros(wrong)) << 12

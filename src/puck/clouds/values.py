@@ -21,12 +21,12 @@ from puck.options import Effort
 
 _LEVELS = 20
 _SITUATIONS = 4 * _LEVELS
-_EXPERTS, _CONTEXTS, _FEATURES = 5, 6, 12
+_EXPERTS, _CONTEXTS, _MORE_CONTEXTS, _FEATURES = 5, 6, 9, 12
 _NEAR = 60 * 4
 """A larger difference of ranges, in quarters, is an edge, and no feature."""
 _CLIP = 120 * 4
 _MOST_ERROR = 1 << 16
-_SIZES = np.array([100, _SITUATIONS, 90, RINGS, 257 * 4, 32 * _LEVELS, 90]) * NODES
+_SIZES = np.array([100, _SITUATIONS, 90, RINGS, 257 * 4, 100, 90, 100, 257 * 33]) * NODES
 
 
 class ValueModel(NamedTuple):
@@ -48,6 +48,8 @@ class ValueColumn(NamedTuple):
 def new_value_model(bits: BitCoder, effort: Effort) -> ValueModel:
     """Return a model that has learnt nothing yet."""
     experts, contexts = (0, 1) if effort == "fast" else (_EXPERTS, _CONTEXTS)
+    if effort == "thorough":
+        contexts = _MORE_CONTEXTS
     return ValueModel(
         new_mixer(bits, MixerOptions(
             experts=experts, contexts=contexts, counters=int(_SIZES.sum()),
@@ -80,7 +82,7 @@ def _change(later: int, earlier: int, is_range: bool) -> int:
 @compiled_in_place
 def code_values(
     model: ValueModel, column: ValueColumn, before: ValueColumn, neighbours: Words, rings: Words,
-    sides: Words, farthest: int, is_range: bool,
+    farthest: int, is_range: bool,
 ) -> bool:  # fmt: skip
     """Encode or decode a column in place, and return False if the stream ends early.
 
@@ -96,8 +98,6 @@ def code_values(
         Indices of neighbours (n, 11), see `neighbours_of`.
     rings
         Number of each point's ring (n,).
-    sides
-        A number at each point that is a context (n,), 0 to 31.
     farthest
         Largest value.
     is_range
@@ -163,9 +163,17 @@ def code_values(
             at[2] = starts[2] + (then_level * 9 + level_of(base - centre, unit)) * NODES
             at[3] = starts[3] + ring * NODES
             at[4] = starts[4] + (min(west, 256) * 4 + (then_level & 3)) * NODES
-            at[5] = starts[5] + (int(sides[i]) * _LEVELS + activity) * NODES
-            mixer.rows[0], mixer.rows[1] = 0, (1 + activity) * NODES
+            east_level = level_of_value(int(then_east), centre, unit)
+            back_level = level_of_value(int(then_west), centre, unit)
+            at[5] = starts[5] + (east_level * 10 + back_level) * NODES
             smooth = max(unit >> 2, 1)
+            if len(mixer.sizes.contexts) > _CONTEXTS:
+                slope, near_below = level_of(west - west2, unit), level_of_value(int(below_east), centre, unit)
+                at[6] = starts[6] + (slope * 10 + lower) * NODES
+                at[7] = starts[7] + (near_below * 10 + level_of_value(above_west, centre, unit)) * NODES
+                at[8] = starts[8] + (min(west, 256) * 33 + min(int(below) >> 3, 32)) * NODES
+                smooth = 1
+            mixer.rows[0], mixer.rows[1] = 0, (1 + activity) * NODES
         value = code_number(
             mixer, experts, int(values[i]), centre, unit, 1, farthest, smooth, start
         )
