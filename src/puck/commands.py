@@ -57,7 +57,8 @@ def run_compress(options: argparse.Namespace) -> dict[str, Any]:
     if not summary.packets:
         _LOG.warning(
             "%s: no data packets of a modelled sensor: LZMA alone (Ouster's need the sensor's "
-            ".json beside the recording or its metadata in the bag); decompress bags first (rosbag decompress, mcap decompress)",
+            ".json beside the recording, or its metadata in the bag); decompress bags first "
+            "(rosbag decompress, mcap decompress)",
             options.recording,
         )
     return summary.as_json()
