@@ -210,6 +210,18 @@ def capture_options() -> str:
     return f"{_grouped(RecordingOptions, {})}\n\n## `search`\n\n{_grouped(PlaneSearch, {})}"
 
 
+def capture_columns() -> str:
+    """The columns of a table of returns, of all sensors and of some."""
+    from pointkit.lidar.return_table import FURTHER_COLUMNS, RETURN_COLUMNS
+
+    titles = ["column", "type", "unit", "meaning"]
+    tables = [
+        _table(titles, ((f"`{name}`", *spec) for name, spec in columns.items()))
+        for columns in (RETURN_COLUMNS, FURTHER_COLUMNS)
+    ]
+    return f"{tables[0]}\n\n## Of an Ouster only\n\n{tables[1]}"
+
+
 def sensors() -> str:
     """Every shipped sensor."""
     from pointkit.lidar.sensor import load_sensor
@@ -392,6 +404,7 @@ SHOWN = (
     codecs,
     trainings,
     error_models,
+    capture_columns,
     capture_options,
     sensors,
     scene_sets,

@@ -124,7 +124,7 @@ class Recordings(RecordingSet):
     """Scenes are revolutions in packet captures (.pcap, .pcapng) and ROS bags (.bag, .db3, .mcap).
 
     The sensors are those of `puckbench capture`, with one or two returns per beam. For Ouster, the
-    metadata must be beside the capture. Recordings may be compressed (.puck). Incomplete
+    metadata must be in the recording or beside it. Recordings may be compressed (.puck). Incomplete
     revolutions are not used. Scenes are named after the file and the first revolution (drive_0012).
     Unusable recordings are left out and reported. Damaged and repeated packets are left out and
     counted.
