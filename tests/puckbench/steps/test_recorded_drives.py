@@ -132,7 +132,8 @@ def test_clouds_of_a_bag_have_the_times_of_their_points(tmp_path: Path) -> None:
 
 def test_clouds_without_usable_times_have_those_of_their_stamps(tmp_path: Path) -> None:
     stamps_s = cloud_turns.STAMP_S + np.arange(TURNS) / 4
-    bag = cloud_turns.bag(tmp_path / "way.mcap", cloud_turns.turns(TURNS, time=None), stamps_s.tolist())
+    clouds = cloud_turns.turns(TURNS, time=None)
+    bag = cloud_turns.bag(tmp_path / "way.mcap", clouds, stamps_s.tolist())
     drive = made(bag, loader="recorded_clouds")
     np.testing.assert_allclose(drive.starts, stamps_s, atol=1e-6)
     assert drive.turn_s == 0
