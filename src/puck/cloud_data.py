@@ -11,6 +11,7 @@ from pointkit.coding.zstandard import compressed
 from pointkit.errors import InputError
 from puck.clouds.coding import PointCoder
 from puck.clouds.layout import CloudField, CloudLayout, Shape, data_of, points_of, shape_of
+from puck.clouds.rays import Rays
 from puck.gaps import compress_bytes, decompress_bytes
 from puck.options import EFFORTS, CodingOptions
 from puck.records import check
@@ -21,7 +22,7 @@ _RAW, _POINTS, _SAME = range(3)
 _QUICKLY, _SAMPLE, _CLOSE = 1, 1 << 16, 1.3
 """Level of Zstandard and bytes of a sample that tell whether LZMA may be better, and how near they
 then come to the coded columns."""
-_MOST_POINTS = 1 << 22
+_MOST_POINTS = 1 << 21
 
 
 class CloudEncoder:
@@ -31,10 +32,9 @@ class CloudEncoder:
         self._layout, self._options = layout, options
         self._coder: PointCoder | None = None
         self._before: bytes | None = None
+        self._rays: Rays | None = None
 
-    def encode(
-        self, data: bytes, width: int, height: int, row_step: int, *, is_key: bool
-    ) -> bytes:
+    def encode(self, data: bytes, width: int, height: int, row_step: int, *, is_key: bool) -> bytes:
         """Return bytes from which `CloudDecoder.decode` restores the data of a message.
 
         Parameters
@@ -48,7 +48,7 @@ class CloudEncoder:
         """
         layout = self._layout
         if is_key:
-            self._coder = None
+            self._forget()
         elif data == self._before:
             return bytes([_SAME])
         self._before = data
@@ -56,9 +56,14 @@ class CloudEncoder:
         if not coded or _quick_size(data) < _CLOSE * len(coded):
             raw = bytes([_RAW]) + compress_bytes(data)
             if not coded or len(raw) <= len(coded):
-                self._coder = None
+                self._forget()
                 return raw
         return coded
+
+    def _forget(self) -> None:
+        """Let the next message not need earlier ones, whose rays are tried first nevertheless."""
+        if self._coder is not None:
+            self._rays, self._coder = self._coder.rays or self._rays, None
 
     def _points(self, data: bytes, shape: Shape) -> bytes:
         """Return points coded by their columns, or no bytes if the data have no points."""
@@ -66,11 +71,13 @@ class CloudEncoder:
         if not layout.is_codable or not 0 < shape.rows * shape.columns <= _MOST_POINTS:
             return b""
         is_first = self._coder is None
-        self._coder = self._coder or PointCoder(layout, effort)
+        self._coder = self._coder or PointCoder(layout, effort, self._rays)
         points, rest = points_of(np.frombuffer(data, np.uint8), layout.point_step, shape)
         head = bytes([_POINTS | is_first << 4 | EFFORTS.index(effort) << 5])
         beside = compress_bytes(rest)
         coded = self._coder.encode(points, _width(shape))
+        if not coded:
+            return b""
         return head + b"".join(map(base_128, (*shape, len(beside)))) + beside + coded
 
 

@@ -2,12 +2,9 @@
 
 from __future__ import annotations
 
-import numpy as np
-import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pointkit.errors import InputError
 from puck.cloud_data import CloudDecoder, CloudEncoder, CloudField, CloudLayout
 from puck.options import EFFORTS, CodingOptions, Effort
 

@@ -188,5 +188,3 @@ def data_of(points: Bytes, rest: bytes, shape: Shape) -> bytes:
     gaps = others[: len(others) - shape.tail].reshape(shape.rows, shape.gap)
     lines = np.concatenate([points.reshape(shape.rows, -1), gaps], axis=1)
     return lines.tobytes() + others[len(others) - shape.tail :].tobytes()
-
-

@@ -175,9 +175,7 @@ class Rays:
         if self.is_stepped and _too_many_off(turns - azimuths):
             return None
         azimuths = np.where(azimuths >= self.count, 0, azimuths)
-        return Located(
-            rays, whole.clip(0, _MOST_RANGE).astype(np.int64), azimuths.astype(np.int64)
-        )
+        return Located(rays, whole.clip(0, _MOST_RANGE).astype(np.int64), azimuths.astype(np.int64))
 
 
 def _is_whole(step: float) -> bool:

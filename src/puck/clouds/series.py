@@ -44,9 +44,7 @@ class SeriesModel(NamedTuple):
 def new_series_model(bits: BitCoder, is_fast: bool) -> SeriesModel:
     """Return a model that has learnt nothing yet; `is_fast` selects one context without mixing."""
     contexts = 1 if is_fast else _CONTEXTS
-    options = MixerOptions(
-        contexts=contexts, counters=_ALL, rows=_NODES, weights=[0.3] * contexts
-    )
+    options = MixerOptions(contexts=contexts, counters=_ALL, rows=_NODES, weights=[0.3] * contexts)
     return SeriesModel(new_mixer(bits, options), np.zeros(PREDICTIONS, np.int64), STARTS)
 
 
@@ -103,7 +101,7 @@ def _wrapped(difference: int, width: int) -> int:
 
 @compiled_in_place
 def code_series(
-    model: SeriesModel, values: Ints, rings: Words, extra: NDArray[np.uint8], before: Ints,
+    model: SeriesModel, values: Ints, rings: Words, before: Ints,
     skips: NDArray[np.bool_], width: int, bits: int, guesses: Ints, differences: Ints, last: Words,
     places: Words,
 ) -> bool:  # fmt: skip
@@ -117,8 +115,6 @@ def code_series(
         The column (n,).
     rings
         Number of each point's ring (n,), less than `RINGS`.
-    extra
-        Another context of each value (n,).
     before
         The same column in the cloud before, (m,).
     skips
@@ -176,7 +172,7 @@ def code_series(
             at[1] = starts[1] + (ring * 3 + min(own_level, 2)) * _NODES
             at[2] = starts[2] + (last_level * _LEVELS + own_level) * _NODES
             at[3] = starts[3] + agreed * _NODES
-            at[4] = starts[4] + int(extra[i]) * _NODES
+            at[4] = starts[4] + (ring & _EXTRA - 1) * _NODES
         difference = code_signed(mixer, _wrapped(values[i] - guess, bits))
         value = guess + difference
         if bits < 64:

@@ -168,9 +168,14 @@ def code_values(
             at[5] = starts[5] + (east_level * 10 + back_level) * NODES
             smooth = max(unit >> 2, 1)
             if len(mixer.sizes.contexts) > _CONTEXTS:
-                slope, near_below = level_of(west - west2, unit), level_of_value(int(below_east), centre, unit)
+                slope, near_below = (
+                    level_of(west - west2, unit),
+                    level_of_value(int(below_east), centre, unit),
+                )
                 at[6] = starts[6] + (slope * 10 + lower) * NODES
-                at[7] = starts[7] + (near_below * 10 + level_of_value(above_west, centre, unit)) * NODES
+                at[7] = (
+                    starts[7] + (near_below * 10 + level_of_value(above_west, centre, unit)) * NODES
+                )
                 at[8] = starts[8] + (min(west, 256) * 33 + min(int(below) >> 3, 32)) * NODES
                 smooth = 1
             mixer.rows[0], mixer.rows[1] = 0, (1 + activity) * NODES
