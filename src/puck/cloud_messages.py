@@ -13,9 +13,8 @@ from typing import Literal, NamedTuple
 
 from pointkit.errors import InputError
 from puck.cloud_data import CloudField, CloudLayout
-from puck.gaps import MOST_RAW_BYTES
 
-LARGEST_CLOUD = MOST_RAW_BYTES - (1 << 20)
+LARGEST_CLOUD = 3 << 24
 """Maximum number of bytes of a cloud's data. Larger clouds are not found."""
 _FRAME_BYTES = 64
 """Number of bytes before a cloud's size in which the name of its frame is searched for."""

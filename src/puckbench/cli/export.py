@@ -34,15 +34,17 @@ def run(options: argparse.Namespace) -> dict[str, Any]:
     from puckbench.recordings.cloud_messages import has_clouds
     from puckbench.recordings.export import export, export_points, read_source
     from puckbench.recordings.message_returns import read_message_columns
+    from puckbench.scene_sets.recordings import decompressed, holds_clouds
     from puckbench.scene_sets.selected_turns import is_recording, read_selected_turns
 
     source, out, selection = options.source, options.out, turns(options.turns)
-    if is_recording(source) and has_clouds(source, options.topic):
+    if is_recording(source) and (holds_clouds(source) or has_clouds(source, options.topic)):
         refuse_stream(options.stream)
         refuse(options, {"clean": False}, f"is for scans ({source})")
         first, last = selection or (0, 0)
         unit = options.time_unit
-        columns = read_message_columns(source, options.topic, (first, last), unit)
+        with decompressed(source) as bag:
+            columns = read_message_columns(bag, options.topic, (first, last), unit)
         return {**export_points(out, columns), "messages": last - first + 1}
     if options.time_unit:
         raise InputError(f"{source}: --time-unit is for clouds of ROS bags")

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 
 from pydantic import Field, PositiveInt
 
-from pointkit.errors import InputError
+from pointkit.errors import InputError, naming
 from pointkit.lazy import imported
 from puckbench.scene_sets.base import SceneSet, look_up
 from puckbench.scene_sets.registry import LOADERS
@@ -256,7 +256,23 @@ def decompressed(path: Path) -> Iterator[Path]:
         imported(READERS[COMPRESSED])(path, copy)
         if is_stream(copy):
             raise InputError(f"{path}: a compressed recording within another; decompress it first")
-        yield copy
+        try:
+            yield copy
+        except InputError as error:
+            raise InputError(str(error).replace(str(copy), str(path))) from error
+
+
+def holds_clouds(path: Path) -> bool:
+    """Return whether a path is a compressed recording with clouds of a ROS bag.
+
+    Raises InputError if the compressed recording is damaged.
+    """
+    from puck.records import RecordKind, is_stream, places_of_records
+
+    if not is_stream(path):
+        return False
+    with path.open("rb") as file, naming(path):
+        return any(place.kind == RecordKind.CLOUD for place in places_of_records(file))
 
 
 _State = tuple[tuple[str, int, int], ...]
