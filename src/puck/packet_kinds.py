@@ -11,29 +11,32 @@ from collections.abc import Callable, Iterator
 from dataclasses import replace
 from itertools import accumulate, pairwise
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from pointkit.coding.byte_io import Reader
 from pointkit.errors import InputError
+from pointkit.geometry.cloud import Floats
 from pointkit.lidar.turns import Turn
 from puck.fields import FieldsDecoder, FieldsEncoder
 from puck.gaps import compress_bytes, decompress_bytes
 from puck.options import CodingOptions
 from puck.recordings.ouster import metadata_beside, read_sensor
 from puck.recordings.ouster_packets import OusterKind
+from puck.recordings.packet_order import packet_steps
 from puck.recordings.packet_turns import (
     PacketKind,
     Payloads,
     find_packets,
+    kind_codes,
     packet_kind,
     packets_of,
     split_turns,
     turn_of,
 )
-from puck.recordings.packets import PACKET_BYTES
+from puck.recordings.packets import PACKET, PACKET_BYTES
 from puck.records import (
     DAMAGED,
     Record,
@@ -49,12 +52,16 @@ _OUSTER_CODE_BYTES = 3
 
 
 class PacketFormat(NamedTuple):
-    """Format of packets in a file: fragments of lengths `pieces`, which are `hole` bytes apart."""
+    """Format of packets in a file: fragments of lengths `pieces`, which are `hole` bytes apart.
+
+    A packet has the structure `packet`.
+    """
 
     pieces: list[int]
     hole: int
     find: Callable[[Payloads], NDArray[np.int64]]
     split_turns: Callable[[Payloads], Iterator[tuple[Kind, Payloads]]]
+    packet: np.dtype[Any] = PACKET
 
     @property
     def span(self) -> int:
@@ -67,6 +74,16 @@ class PacketFormat(NamedTuple):
         steps = np.array(self.pieces) + self.hole
         starts: NDArray[np.int64] = np.cumsum(steps) - steps
         return starts
+
+    def clock_steps(self, payloads: Payloads) -> Floats:
+        """Return the steps of the sensor's clock between packets (p, bytes), (p - 1,), in us."""
+        return packet_steps(payloads, self.packet)
+
+    def products(self, payloads: Payloads) -> NDArray[np.uint8]:
+        """Return the product code (p,) in each of a Velodyne's packets; 0 for an Ouster's."""
+        if self.packet == PACKET:
+            return kind_codes(payloads)[:, 0].astype(np.uint8)
+        return np.zeros(len(payloads), np.uint8)
 
 
 VELODYNE = PacketFormat([PACKET_BYTES], 0, find_packets, split_turns)
@@ -89,7 +106,10 @@ def formats_of(recording: Path | None) -> list[PacketFormat]:
     if whole is None:
         return [VELODYNE]
     kinds = [whole, *(replace(whole, is_fragmented=True, hole=hole) for hole in _HOLES)]
-    formats = [PacketFormat(each.pieces, each.hole, each.find, each.split_turns) for each in kinds]
+    formats = [
+        PacketFormat(each.pieces, each.hole, each.find, each.split_turns, each.packet)
+        for each in kinds
+    ]
     return [*formats, VELODYNE]
 
 

@@ -25,7 +25,6 @@ from puck.options import CodingOptions
 from puck.packet_kinds import (
     Kind,
     PacketFormat,
-    PacketsDecoder,
     PacketsEncoder,
     count_values,
     decode_kind,
@@ -33,6 +32,7 @@ from puck.packet_kinds import (
 )
 from puck.recordings.packet_turns import Payloads
 from puck.records import DAMAGED, Record, RecordKind, check, most_ranges, read_records, start
+from puck.sensors import PacketSorter, SensorsDecoder, sensor_number, sensor_record
 from puck.sqlite_pages import (
     LARGEST_PAGE,
     LINK_BYTES,
@@ -46,6 +46,10 @@ _WINDOW = 1 << 24
 """Number of bytes that are searched for packets at a time. Their turns form a batch."""
 _MOST_BATCH_BYTES = 1 << 26
 """Maximum number of bytes of a batch's turns in a stream, which are held in memory."""
+_BATCH_KINDS = (
+    *(RecordKind.LAYOUT, RecordKind.TURN, RecordKind.FIELDS, RecordKind.SENSOR, RecordKind.ORDER),
+)
+"""Kinds of the records that precede the GAPS record of their batch."""
 _MANY_BYTES, _BYTES_PER_BYTE = 3 << 24, 40
 """Limit of a restored recording's size: a constant, and more for each byte of the stream."""
 _FRAME_BYTES = 16
@@ -360,8 +364,8 @@ def _find(formats: list[PacketFormat], data: Bytes) -> FoundPackets:
 
 class _PacketEncoder:
     def __init__(self, options: CodingOptions) -> None:
-        self._options = options
-        self._packets: PacketsEncoder | None = None
+        self._options, self._sorter, self._sensor = options, PacketSorter(), 0
+        self._packets: dict[int, PacketsEncoder] = {}
 
     def batches(
         self, data: Bytes, packets: FoundPackets, report: Callable[[int], None]
@@ -372,17 +376,26 @@ class _PacketEncoder:
         The first encodes packets as turns, the second compresses all bytes by LZMA, and the third
         stores the bytes, which is always within the limits.
         """
+        sensor = self._sensor
         yield self._batch(data, packets, report)
-        self._packets = None
+        self._sensor = sensor
+        self._packets.clear()
         gaps = [data.tobytes()]
         for encode in (encode_gaps, store_gaps):
             yield _Batch(records=[Record(RecordKind.GAPS, base_128(0) + encode(gaps))])
 
     def _batch(self, data: Bytes, packets: FoundPackets, report: Callable[[int], None]) -> _Batch:
         batch, (packet_format, places) = _Batch(), packets
-        for kind, payloads in packets.turns(data):
-            self._add_turn(kind, payloads, batch)
-            report(int(places[batch.packets - 1]))
+        if len(places):
+            payloads = packets.payloads(data)
+            by_sensor, order = self._sorter.sort(data, packet_format, places, payloads)
+            for sensor, rows in by_sensor.items():
+                self._select(sensor, batch)
+                for kind, part in packet_format.split_turns(payloads[rows]):
+                    self._add_turn(kind, part, batch)
+                    report(int(places[batch.packets - 1]))
+            if order:
+                batch.records.append(Record(RecordKind.ORDER, order))
         pieces = (places[:, None] + packet_format.starts).ravel()
         starts = np.concatenate([[0], pieces + np.tile(packet_format.pieces, len(places))])
         ends = np.concatenate([pieces, [len(data)]])
@@ -396,11 +409,17 @@ class _PacketEncoder:
         batch.records.append(Record(RecordKind.GAPS, body))
         return batch
 
+    def _select(self, sensor: int, batch: _Batch) -> None:
+        if sensor != self._sensor:
+            self._sensor = sensor
+            batch.records.append(sensor_record(sensor))
+
     def _add_turn(self, kind: Kind, payloads: Payloads, batch: _Batch) -> None:
-        if self._packets is None or kind != self._packets.kind:
-            self._packets = PacketsEncoder(kind, self._options)
-            batch.records.append(self._packets.layout())
-        turn, records = self._packets.encode(payloads)
+        encoder = self._packets.get(self._sensor)
+        if encoder is None or kind != encoder.kind:
+            encoder = self._packets[self._sensor] = PacketsEncoder(kind, self._options)
+            batch.records.append(encoder.layout())
+        turn, records = encoder.encode(payloads)
         batch.records += records
         batch.turns += 1
         batch.packets += len(payloads)
@@ -461,7 +480,7 @@ class _Counted:
 def _restore(
     source: _Counted, stream: IO[bytes], trusted: bool, report: Report
 ) -> RecordingSummary:
-    summary, packets = RecordingSummary(), PacketsDecoder(2 * _WINDOW)
+    summary, packets = RecordingSummary(), SensorsDecoder(2 * _WINDOW)
     limits, done = _Limits(0, trusted), 0
     writer = _RecordingWriter(stream, limits)
     for record in _within_limits(source, limits, summary):
@@ -470,13 +489,9 @@ def _restore(
             report(done, source.size)
         if record.kind == RecordKind.PAGES:
             writer.start_pages(record.body)
-        elif record.kind == RecordKind.LAYOUT:
-            packets.start_layout(record.body)
-        elif record.kind == RecordKind.TURN:
-            summary.returns += packets.add_turn(record.body)
-            summary.turns += 1
-        elif record.kind == RecordKind.FIELDS:
-            packets.add_fields(record.body)
+        elif record.kind in _BATCH_KINDS:
+            summary.returns += packets.add(record)
+            summary.turns += record.kind == RecordKind.TURN
         elif record.kind == RecordKind.GAPS:
             count, pieces = packets.take()
             summary.packets += count
@@ -496,16 +511,18 @@ def _within_limits(
     source: _Counted, limits: _Limits, summary: RecordingSummary
 ) -> Iterator[Record]:
     """Yield the records of a stream, those of a batch after all of it is read and checked."""
-    batch, kind, size = list[Record](), None, 0
+    batch, kinds, sensor, size = list[Record](), dict[int, Kind](), 0, 0
     for record in read_records(source):
         batch.append(record)
-        if record.kind == RecordKind.LAYOUT:
-            kind = decode_kind(record.body)
+        if record.kind == RecordKind.SENSOR:
+            sensor = sensor_number(record.body)
+        elif record.kind == RecordKind.LAYOUT:
+            kinds[sensor] = decode_kind(record.body)
         elif record.kind == RecordKind.TURN:
-            if kind is None:
+            if sensor not in kinds:
                 raise InputError(DAMAGED)
-            summary.ranges += count_values(kind, record.body)
-        if record.kind in (RecordKind.LAYOUT, RecordKind.TURN, RecordKind.FIELDS):
+            summary.ranges += count_values(kinds[sensor], record.body)
+        if record.kind in _BATCH_KINDS:
             size += len(record.body)
             check(size <= _MOST_BATCH_BYTES)
             continue

@@ -47,10 +47,12 @@ class RecordKind(IntEnum):
     """Kind of a record, which says what the record's body contains.
 
     The kinds are: end of the stream, layout of images, turn, bytes between packets, page links of
-    an SQLite file, beams of the sensor, and further fields of the last turn's packets.
+    an SQLite file, beams of the sensor, further fields of the last turn's packets, number of the
+    sensor to which the next records belong, and order of the packets of several turns.
     """
 
     END, LAYOUT, TURN, GAPS, PAGES, BEAMS, FIELDS = range(7)
+    SENSOR, ORDER = 13, 14
 
 
 @dataclass(frozen=True)
