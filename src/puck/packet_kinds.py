@@ -11,7 +11,7 @@ from collections.abc import Callable, Iterable, Iterator
 from dataclasses import replace
 from itertools import accumulate, pairwise
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from pointkit.coding.byte_io import Reader
 from pointkit.errors import InputError
 from pointkit.files import read_bytes
+from pointkit.geometry.cloud import Floats
 from pointkit.lidar.turns import Turn
 from puck.fields import FieldsDecoder, FieldsEncoder
 from puck.gaps import compress_bytes, decompress_bytes
@@ -26,16 +27,18 @@ from puck.options import CodingOptions
 from puck.recordings.ouster import OusterSensor, metadata_beside, sensor_of
 from puck.recordings.ouster_bags import sensors_in_bag
 from puck.recordings.ouster_packets import OusterKind
+from puck.recordings.packet_order import packet_steps
 from puck.recordings.packet_turns import (
     PacketKind,
     Payloads,
     find_packets,
+    kind_codes,
     packet_kind,
     packets_of,
     split_turns,
     turn_of,
 )
-from puck.recordings.packets import PACKET_BYTES
+from puck.recordings.packets import PACKET, PACKET_BYTES
 from puck.recordings.ros_bags import is_bag
 from puck.records import (
     DAMAGED,
@@ -52,12 +55,16 @@ _OUSTER_CODE_BYTES = 3
 
 
 class PacketFormat(NamedTuple):
-    """Format of packets in a file: fragments of lengths `pieces`, which are `hole` bytes apart."""
+    """Format of packets in a file: fragments of lengths `pieces`, which are `hole` bytes apart.
+
+    A packet has the structure `packet`.
+    """
 
     pieces: list[int]
     hole: int
     find: Callable[[Payloads], NDArray[np.int64]]
     split_turns: Callable[[Payloads], Iterator[tuple[Kind, Payloads]]]
+    packet: np.dtype[Any] = PACKET
 
     @property
     def span(self) -> int:
@@ -70,6 +77,16 @@ class PacketFormat(NamedTuple):
         steps = np.array(self.pieces) + self.hole
         starts: NDArray[np.int64] = np.cumsum(steps) - steps
         return starts
+
+    def clock_steps(self, payloads: Payloads) -> Floats:
+        """Return the steps of the sensor's clock between packets (p, bytes), (p - 1,), in us."""
+        return packet_steps(payloads, self.packet)
+
+    def products(self, payloads: Payloads) -> NDArray[np.uint8]:
+        """Return the product code (p,) in each of a Velodyne's packets; 0 for an Ouster's."""
+        if self.packet == PACKET:
+            return kind_codes(payloads)[:, 0].astype(np.uint8)
+        return np.zeros(len(payloads), np.uint8)
 
 
 VELODYNE = PacketFormat([PACKET_BYTES], 0, find_packets, split_turns)
@@ -111,7 +128,8 @@ def formats_of(sensors: Iterable[OusterSensor]) -> list[PacketFormat]:
     for whole in map(OusterKind.of, sensors):
         kinds = [whole, *(replace(whole, is_fragmented=True, hole=hole) for hole in _HOLES)]
         formats += [
-            PacketFormat(each.pieces, each.hole, each.find, each.split_turns) for each in kinds
+            PacketFormat(each.pieces, each.hole, each.find, each.split_turns, each.packet)
+            for each in kinds
         ]
     return [*formats, VELODYNE]
 

@@ -39,7 +39,6 @@ from puck.packet_kinds import (
     VELODYNE,
     Kind,
     PacketFormat,
-    PacketsDecoder,
     PacketsEncoder,
     count_values,
     decode_kind,
@@ -49,6 +48,7 @@ from puck.packet_kinds import (
 from puck.recordings.ouster import sensor_of, write_metadata_beside
 from puck.recordings.packet_turns import Payloads
 from puck.records import DAMAGED, Record, RecordKind, check, most_ranges, read_records, start
+from puck.sensors import PacketSorter, SensorsDecoder, sensor_number, sensor_record
 from puck.sqlite_pages import LARGEST_PAGE, LINK_BYTES, SMALLEST_PAGE, decode_links
 from puck.sqlite_payloads import PageWriter
 from puck.windows import Windows, windows_of
@@ -63,10 +63,11 @@ _FRAME_BYTES = 16
 """Maximum number of bytes that state the length of a gap. A decoder counts them as output, too."""
 
 _PORTION = 1 << 20
+_PACKET_KINDS = (
+    *(RecordKind.LAYOUT, RecordKind.TURN, RecordKind.FIELDS, RecordKind.SENSOR, RecordKind.ORDER),
+)
 _BATCH_KINDS = (
-    RecordKind.LAYOUT,
-    RecordKind.TURN,
-    RecordKind.FIELDS,
+    *_PACKET_KINDS,
     RecordKind.CLOUD_LAYOUT,
     RecordKind.CLOUD,
     RecordKind.PLACES,
@@ -455,8 +456,8 @@ def _find(formats: list[PacketFormat], data: Bytes) -> FoundPackets:
 
 class _BatchEncoder:
     def __init__(self, options: CodingOptions) -> None:
-        self._options = options
-        self._packets: PacketsEncoder | None = None
+        self._options, self._sorter, self._sensor = options, PacketSorter(), 0
+        self._packets: dict[int, PacketsEncoder] = {}
         self._clouds = CloudsEncoder(options)
 
     def batches(self, window: Window, report: Callable[[int], None]) -> Iterator[_Batch]:
@@ -466,17 +467,18 @@ class _BatchEncoder:
         The first encodes packets as turns, and clouds; the second compresses all bytes by LZMA; and
         the third stores the bytes, which is always within the limits.
         """
+        sensor = self._sensor
         yield self._batch(window, report)
-        self._packets, self._clouds = None, CloudsEncoder(self._options)
+        self._sensor = sensor
+        self._packets.clear()
+        self._clouds = CloudsEncoder(self._options)
         gaps = [window.data.tobytes()]
         for encode in (encode_gaps, store_gaps):
             yield _Batch(records=[Record(RecordKind.GAPS, base_128(0) + encode(gaps))])
 
     def _batch(self, window: Window, report: Callable[[int], None]) -> _Batch:
         batch, (data, packets, clouds) = _Batch(), window
-        for kind, payloads in packets.turns(data):
-            self._add_turn(kind, payloads, batch)
-            report(int(packets.places[batch.packets - 1]))
+        self._add_packets(data, packets, batch, report)
         for cloud in clouds:
             batch.records += self._clouds.encode(cloud, data[cloud.start : cloud.end].tobytes())
             batch.clouds += 1
@@ -499,11 +501,33 @@ class _BatchEncoder:
         batch.records.append(Record(RecordKind.GAPS, body))
         return batch
 
+    def _add_packets(
+        self, data: Bytes, packets: FoundPackets, batch: _Batch, report: Callable[[int], None]
+    ) -> None:
+        form, places = packets
+        if not len(places):
+            return
+        payloads = packets.payloads(data)
+        by_sensor, order = self._sorter.sort(data, form, places, payloads)
+        for sensor, rows in by_sensor.items():
+            self._select(sensor, batch)
+            for kind, part in form.split_turns(payloads[rows]):
+                self._add_turn(kind, part, batch)
+                report(int(places[batch.packets - 1]))
+        if order:
+            batch.records.append(Record(RecordKind.ORDER, order))
+
+    def _select(self, sensor: int, batch: _Batch) -> None:
+        if sensor != self._sensor:
+            self._sensor = sensor
+            batch.records.append(sensor_record(sensor))
+
     def _add_turn(self, kind: Kind, payloads: Payloads, batch: _Batch) -> None:
-        if self._packets is None or kind != self._packets.kind:
-            self._packets = PacketsEncoder(kind, self._options)
-            batch.records.append(self._packets.layout())
-        turn, records = self._packets.encode(payloads)
+        encoder = self._packets.get(self._sensor)
+        if encoder is None or kind != encoder.kind:
+            encoder = self._packets[self._sensor] = PacketsEncoder(kind, self._options)
+            batch.records.append(encoder.layout())
+        turn, records = encoder.encode(payloads)
         batch.records += records
         batch.turns += 1
         batch.packets += len(payloads)
@@ -596,7 +620,7 @@ class _Restorer:
     def __init__(self, stream: IO[bytes], limits: _Limits, summary: RecordingSummary) -> None:
         self._limits, self._summary = limits, summary
         self.writer = writer = _RecordingWriter(stream, limits)
-        self._packets = PacketsDecoder(2 * _WINDOW)
+        self._packets = SensorsDecoder(2 * _WINDOW)
         self._clouds = CloudsDecoder(self._admit_cloud)
         self._places = b""
         self._handlers: dict[RecordKind, Callable[[bytes], None]] = {
@@ -604,9 +628,6 @@ class _Restorer:
             RecordKind.PAYLOADS: writer.start_payloads,
             RecordKind.CHUNKS: writer.start_chunks,
             RecordKind.METADATA: self._add_metadata,
-            RecordKind.LAYOUT: self._packets.start_layout,
-            RecordKind.TURN: self._add_turn,
-            RecordKind.FIELDS: self._packets.add_fields,
             RecordKind.CLOUD_LAYOUT: self._clouds.start_layout,
             RecordKind.CLOUD: self._add_cloud,
             RecordKind.PLACES: self._add_places,
@@ -614,7 +635,11 @@ class _Restorer:
         }
 
     def add(self, record: Record) -> None:
-        self._handlers.get(record.kind, self.writer.finish)(record.body)
+        if record.kind in _PACKET_KINDS:
+            self._summary.returns += self._packets.add(record)
+            self._summary.turns += record.kind == RecordKind.TURN
+        else:
+            self._handlers.get(record.kind, self.writer.finish)(record.body)
 
     def _admit_cloud(self, size: int) -> None:
         self._summary.ranges += cloud_ranges(size)
@@ -624,10 +649,6 @@ class _Restorer:
         metadata = decompress_bytes(Reader(body), self.writer.admit)
         sensor_of(metadata, "its metadata")
         self._summary.metadata = metadata
-
-    def _add_turn(self, body: bytes) -> None:
-        self._summary.returns += self._packets.add_turn(body)
-        self._summary.turns += 1
 
     def _add_cloud(self, body: bytes) -> None:
         self._summary.points += self._clouds.add_cloud(body)
@@ -687,15 +708,17 @@ def _within_limits(
     source: _Counted, limits: _Limits, summary: RecordingSummary
 ) -> Iterator[Record]:
     """Yield the records of a stream, those of a batch after all of it is read and checked."""
-    batch, kind, size = list[Record](), None, 0
+    batch, kinds, sensor, size = list[Record](), dict[int, Kind](), 0, 0
     for record in read_records(source):
         batch.append(record)
-        if record.kind == RecordKind.LAYOUT:
-            kind = decode_kind(record.body)
+        if record.kind == RecordKind.SENSOR:
+            sensor = sensor_number(record.body)
+        elif record.kind == RecordKind.LAYOUT:
+            kinds[sensor] = decode_kind(record.body)
         elif record.kind == RecordKind.TURN:
-            if kind is None:
+            if sensor not in kinds:
                 raise InputError(DAMAGED)
-            summary.ranges += count_values(kind, record.body)
+            summary.ranges += count_values(kinds[sensor], record.body)
         if record.kind in _BATCH_KINDS:
             size += len(record.body)
             check(size <= _MOST_BATCH_BYTES)

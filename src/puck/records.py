@@ -49,11 +49,12 @@ class RecordKind(IntEnum):
     The kinds are: end of the stream, layout of images, turn, bytes between packets, page links of
     an SQLite file, beams of the sensor, further fields of the last turn's packets, layout of
     clouds, cloud, places of clouds between packets, compressed chunks that were opened, long rows
-    of an SQLite file, and the file beside the recording that describes the sensor.
+    of an SQLite file, the file beside the recording that describes the sensor, number of the sensor
+    to which the next records belong, and order of the packets of several turns.
     """
 
     END, LAYOUT, TURN, GAPS, PAGES, BEAMS, FIELDS = range(7)
-    CLOUD_LAYOUT, CLOUD, PLACES, CHUNKS, PAYLOADS, METADATA = range(7, 13)
+    CLOUD_LAYOUT, CLOUD, PLACES, CHUNKS, PAYLOADS, METADATA, SENSOR, ORDER = range(7, 15)
 
 
 @dataclass(frozen=True)

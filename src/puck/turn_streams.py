@@ -32,6 +32,7 @@ from puck.records import (
     start,
 )
 from puck.returns_header import decode_layout, encode_layout
+from puck.sensors import sensor_number
 from puck.turns import TurnDecoder, TurnEncoder, is_key
 
 _OUSTER_CODE_BYTES = 3
@@ -123,8 +124,10 @@ def read_turns(stream: IO[bytes]) -> Iterator[Turn]:
     InputError
         The stream is damaged or truncated, or of another version.
     """
-    decoder = _Decoder()
+    decoders = {0: (decoder := _Decoder())}
     for record in read_records(stream):
+        if record.kind == RecordKind.SENSOR:
+            decoder = decoders.setdefault(sensor_number(record.body), _Decoder())
         turn = decoder.decode(record)
         if turn is not None:
             yield turn
@@ -146,8 +149,8 @@ def decode_turns(stream: bytes | IO[bytes], first: int = 0, end: int | None = No
     Returns
     -------
     list of Turn
-        The turns in chronological order. They lack an Ouster's signals and ambient light, which
-        only `decompress` restores.
+        The turns in chronological order; those of several sensors alternate in groups. They lack an
+        Ouster's signals and ambient light, which only `decompress` restores.
 
     Raises
     ------
@@ -155,40 +158,72 @@ def decode_turns(stream: bytes | IO[bytes], first: int = 0, end: int | None = No
         The stream is damaged, or has more ranges than a stream of its size may hold.
     """
     file = BytesIO(stream) if isinstance(stream, bytes | bytearray | memoryview) else stream
-    places = list(_places_of_turns(file, end))
-    starts = [k for k, place in enumerate(places) if place.kind == RecordKind.TURN]
-    if first >= len(starts):
-        return []
-    key = max((k for k in range(first + 1) if is_key(places[starts[k]].start)), default=0)
-    layouts = [place for place in places[: starts[key]] if place.kind == RecordKind.LAYOUT]
-    needed = [*layouts[-1:], *places[starts[key] :]]
+    parts = list(_parts_of_turns(file, end))
+    keys = _key_turns(parts, first)
+    needed = [
+        part
+        for part in parts
+        if part.sensor in keys
+        and (part.turn >= keys[part.sensor] or part.place.kind == RecordKind.LAYOUT)
+    ]
     _check_ranges(file, needed)
-    decoder = _Decoder()
-    decoded = [decoder.decode(read_record(file, place.at)) for place in needed]
-    turns = [turn for turn in decoded if turn is not None]
-    check(len(turns) == len(starts) - key)
-    return turns[first - key :]
+    decoders, turns, decoded = dict[int, _Decoder](), list[Turn](), 0
+    for part in needed:
+        decoder = decoders.setdefault(part.sensor, _Decoder())
+        turn = decoder.decode(read_record(file, part.place.at))
+        if turn is not None:
+            decoded += 1
+            turns += [turn] if part.turn >= first else []
+    check(decoded == sum(part.place.kind == RecordKind.TURN for part in needed))
+    return turns
 
 
-def _places_of_turns(file: IO[bytes], end: int | None) -> Iterator[RecordPlace]:
-    turns = 0
+class _Part(NamedTuple):
+    """Record of a turn or of a layout, with its sensor's number and the number of the turn.
+
+    A layout has the number of the next turn.
+    """
+
+    sensor: int
+    turn: int
+    place: RecordPlace
+
+
+def _parts_of_turns(file: IO[bytes], end: int | None) -> Iterator[_Part]:
+    sensor, turn = 0, -1
     for place in places_of_records(file):
-        turns += place.kind == RecordKind.TURN
-        if end is not None and turns > end:
+        turn += place.kind == RecordKind.TURN
+        if end is not None and turn >= end:
             return
-        if place.kind in (RecordKind.LAYOUT, RecordKind.TURN, RecordKind.FIELDS):
-            yield place
+        if place.kind == RecordKind.SENSOR:
+            sensor = sensor_number(place.start)
+        elif place.kind == RecordKind.LAYOUT:
+            yield _Part(sensor, turn + 1, place)
+        elif place.kind in (RecordKind.TURN, RecordKind.FIELDS):
+            yield _Part(sensor, turn, place)
 
 
-def _check_ranges(file: IO[bytes], places: list[RecordPlace]) -> None:
-    ranges, form = 0, None
-    for place in places:
+def _key_turns(parts: list[_Part], first: int) -> dict[int, int]:
+    """Return at which turn decoding of each sensor's turns from `first` on begins."""
+    last_keys, keys = dict[int, int](), dict[int, int]()
+    for sensor, turn, place in parts:
+        if place.kind == RecordKind.TURN and sensor not in keys:
+            if is_key(place.start):
+                last_keys[sensor] = turn
+            if turn >= first:
+                keys[sensor] = last_keys.get(sensor, 0)
+    return keys
+
+
+def _check_ranges(file: IO[bytes], parts: list[_Part]) -> None:
+    ranges, forms = 0, dict[int, _Format]()
+    for sensor, _, place in parts:
         if place.kind == RecordKind.LAYOUT:
-            form = _Format.of(read_record(file, place.at))
+            forms[sensor] = _Format.of(read_record(file, place.at))
         elif place.kind == RecordKind.TURN:
-            if form is None:
+            if sensor not in forms:
                 raise InputError(DAMAGED)
-            ranges += form.count_ranges(place.start)
+            ranges += forms[sensor].count_ranges(place.start)
     check_ranges(ranges, file.seek(0, os.SEEK_END))
 
 

@@ -29,6 +29,8 @@ from puck.recordings.packets import PACKET, PacketLog
 
 _LEAP_US = 5e5
 """Smallest step of a clock, in us, that is a leap. Later packets are not sorted."""
+_MOST_PLACES = 1 << 13
+"""Maximum number of places by which a packet is moved. No sensor sends more packets in 0.5 s."""
 _FEWEST_STEPS = 15
 """Least number of steps between packets from which the usual step is estimated."""
 _MOST_USUAL, _MOST_OFF = 1.5, 0.5
@@ -43,6 +45,22 @@ The limit is a share of the step. Below it, a large step is a pause, not a leap.
 """
 
 
+def packet_steps(payloads: NDArray[np.uint8], packet: np.dtype[Any]) -> Floats:
+    """Return the steps of the sensor's clock between packets, (p - 1,), in us.
+
+    Parameters
+    ----------
+    payloads
+        Packets of one sensor, (p, bytes).
+    packet
+        Structure of a packet: `PACKET` of a Velodyne, or that of an Ouster.
+    """
+    packets = payloads.view(packet)[:, 0]
+    if packet == PACKET:
+        return clock_steps(packets["time_us"].astype(np.float64), HOUR_US)
+    return np.diff(packet_times(packets)) / 1000
+
+
 def sorted_rows(steps_us: Floats) -> NDArray[np.intp] | None:
     """Return the order of packets by the sensor's clock, which is kept where the clock leaps.
 
@@ -54,13 +72,21 @@ def sorted_rows(steps_us: Floats) -> NDArray[np.intp] | None:
     Returns
     -------
     array (p,) or None
-        Indices of the packets in the order of the clock; None if the packets are in this order.
+        Indices of the packets in the order of the clock; None if the packets are in this order, or
+        so far from it that the clock is none, as when few packets are sent again and again.
     """
     is_leap = np.abs(steps_us) >= _LEAP_US
     if not ((steps_us < 0) & ~is_leap).any():
         return None
     elapsed, leaps = (np.append(0, np.cumsum(each)) for each in (steps_us, is_leap))
-    return np.lexsort((elapsed, leaps))
+    rows = np.lexsort((elapsed, leaps))
+    return rows if np.abs(rows - np.arange(len(rows))).max() <= _MOST_PLACES else None
+
+
+def is_regular(log: PacketLog) -> bool:
+    """Return whether the clock never falls, and has no step that may be a leap."""
+    steps = _clock_steps(log)
+    return bool(((steps >= 0) & (steps < _LEAP_US)).all())
 
 
 def in_order(log: PacketLog) -> PacketLog:
@@ -198,7 +224,4 @@ def _steps_and_leaps(log: PacketLog) -> tuple[Floats, NDArray[np.bool_]]:
 
 
 def _clock_steps(log: PacketLog) -> Floats:
-    packets = _viewed(log)
-    if log.sensor is None:
-        return clock_steps(packets["time_us"].astype(np.float64), HOUR_US)
-    return np.diff(packet_times(packets)) / 1000
+    return packet_steps(log.payloads, log.sensor.packet if log.sensor else PACKET)

@@ -12,7 +12,7 @@ from pointkit.lidar.turns import clock_steps
 from puck.recordings.data_packets import whole_packets
 from puck.recordings.ouster import metadata_beside, read_sensor, serial_of
 from puck.recordings.ouster_packets import OusterKind
-from puck.recordings.packet_order import tell_irregularities
+from puck.recordings.packet_order import is_regular, tell_irregularities
 from puck.recordings.packet_turns import Payloads
 from puck.recordings.packets import HDL64E, PACKET, PacketLog
 from puck.records import is_stream
@@ -67,7 +67,7 @@ def read_some_turns(index: TurnIndex, first: int, last: int) -> RecordedTurns | 
         if not 0 < len(turns) == last + 1 - first:
             return None
         log = _log(index, np.concatenate(turns))
-        if log is None:
+        if log is None or not is_regular(log):
             return None
         recorded = turns_of_packets(log, index.path)
         if len(recorded.returns.turns) != len(turns):
