@@ -69,8 +69,8 @@ def rewrite_las(
     Raises
     ------
     InputError
-        `path` is the name of a COPC file, `source` is unreadable, its scale and offset cannot represent a point, or LAZ cannot hold
-        its waveforms.
+        `path` is the name of a COPC file, `source` is unreadable, its scale and offset cannot
+        represent a point, or LAZ cannot hold its waveforms.
     """
     import laspy
 

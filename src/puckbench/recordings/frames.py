@@ -59,9 +59,7 @@ class Frame(NamedTuple):
     pose: Floats | None = None
 
 
-def write_frames(
-    folder: Path, form: str, frames: Iterable[Frame], count: int
-) -> dict[str, Any]:
+def write_frames(folder: Path, form: str, frames: Iterable[Frame], count: int) -> dict[str, Any]:
     """Write frames to a folder, one file for each: ``000000.pcd`` and so on.
 
     The folder appears only when it is complete. Frames without a point are left out, with a
