@@ -129,6 +129,18 @@ def tum_bytes(times: Floats, poses: Floats) -> bytes:
     return ("\n".join(lines) + "\n").encode()
 
 
+def kitti_bytes(poses: Floats) -> bytes:
+    """Return the content of a file with the given poses in KITTI's format.
+
+    Parameters
+    ----------
+    poses
+        Matrices (n, 4, 4) that transform from sensor to world coordinates, in metres.
+    """
+    rows = poses[:, :3].reshape(-1, _KITTI) + 0.0
+    return "".join(" ".join(f"{value:.9f}" for value in row) + "\n" for row in rows).encode()
+
+
 def read_kitti_calibration(path: Path) -> Floats:
     """Read the matrix (4, 4) that transforms from the LiDAR's frame to that of the first camera.
 

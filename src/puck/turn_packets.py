@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import accumulate, pairwise, zip_longest
 from pathlib import Path
-from typing import IO, NamedTuple
+from typing import IO, Any, NamedTuple
 
 import numpy as np
 
@@ -26,6 +26,7 @@ from puck.recording import FoundPackets, search
 from puck.recordings.captured_packets import is_packet_capture
 from puck.recordings.packet_turns import Payloads
 from puck.records import RecordKind, RecordPlace, is_stream, places_of_records, read_record
+from puck.sensors import PacketSorter
 from puck.turns import is_key
 from puck.windows import windows_of
 
@@ -75,7 +76,7 @@ def index_turns(path: Path) -> TurnIndex | None:
     -------
     TurnIndex or None
         The turns. None if they may be no revolutions of one sensor: there are several kinds of
-        packets or none, turns differ in length, or the file is no packet capture, as packets in
+        packets or none, several sensors, packets that are late, turns differ in length, or the file is no packet capture, as packets in
         bags may be in parts.
 
     Raises
@@ -113,17 +114,21 @@ class _RecordingIndex(TurnIndex):
 
 
 def _index_of_recording(path: Path) -> TurnIndex | None:
-    found: set[tuple[Kind, int]] = set()
-    lengths, spans, done = list[int](), list[_Span](), 0
+    found: set[tuple[Any, ...]] = set()  # kind, number of the format, number of the sensor
+    lengths, spans, done, sorter = list[int](), list[_Span](), 0, PacketSorter()
     with windows_of(path) as windows:
         if not is_packet_capture(windows.next(_START_BYTES)[0].tobytes()):
             return None
         formats = formats_of(described_sensors(path)[0])
         for content, packets, _ in search(windows, formats):
             form, places = packets
+            if not len(places):
+                done += len(content)
+                continue
+            by_sensor, order = sorter.sort(content, form, places, packets.payloads(content))
             turns = [*packets.turns(content)]
-            found |= {(kind, formats.index(form)) for kind, _ in turns}
-            if len(found) > 1:
+            found |= {(kind, formats.index(form), *by_sensor) for kind, _ in turns}
+            if order or len(found) > 1:
                 return None
             counts = [len(payloads) for _, payloads in turns]
             lengths += counts
@@ -133,7 +138,7 @@ def _index_of_recording(path: Path) -> TurnIndex | None:
             done += len(content)
         if not found or not _are_alike(lengths):
             return None
-        ((kind, number),) = found
+        ((kind, number, _),) = found
         return _RecordingIndex(path, kind, formats[number], spans)
 
 

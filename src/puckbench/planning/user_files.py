@@ -340,7 +340,9 @@ class UserRun:
 
     def _default_codecs(self, kinds: Collection[Kind]) -> tuple[str, ...]:
         clouds = CODECS if set(kinds) != {"recordings"} else ()
-        return (*dict.fromkeys([*clouds, *(CODECS_OF_RECORDINGS if "recordings" in kinds else ())]),)
+        return (
+            *dict.fromkeys([*clouds, *(CODECS_OF_RECORDINGS if "recordings" in kinds else ())]),
+        )
 
     def _chosen_rates(self, plan: Plan) -> dict[str, Options]:
         """Return the lists of rates for the entries of those codecs that have requested rates."""
