@@ -22,6 +22,7 @@ from importlib.util import find_spec
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from cloud_files.poses import tum_bytes
 from pointkit.errors import InputError
@@ -44,7 +45,8 @@ _LOST_M, _LOST_DEG = (0.05, 0.5), (1.0, 5.0)
 """Bounds, in m and degrees, of the error above which a turn is lost. Between them, the limit is
 half of the true motion."""
 _JUDGED_M = 0.1
-"""Least mean motion, in m, that is judged: half of it is the least error of a lost turn."""
+"""Mean motion, in m, over which the estimate of a slow sensor may not stand still: half of it is
+the least error of a lost turn."""
 _LENGTHS_IN_A_PATH = 2
 """Fewest times that a length must fit into the path for a drift over it."""
 _TOLERANCE = 0.1
@@ -318,9 +320,9 @@ def pose_errors(true: Floats, estimated: Floats) -> dict[str, Any]:
     The drift over a path length is the mean error of all pairs of poses that are this length apart,
     divided by the length. A turn is lost if the motion since the turn before is wrong by more than
     half of the true motion. Errors below 0.05 m and 1 degree never count as lost, errors above 0.5
-    m or 5 degrees always do. If the sensor moves by less than 0.1 m a turn in the mean, the motion
-    is that since the last turn that was 0.1 m away in the mean, so that such a turn is lost, too,
-    if the estimate stands still.
+    m or 5 degrees always do. If the sensor moves by less than 0.1 m a turn in the mean, a turn is
+    lost, too, if the estimate moved less than half as far as the sensor did over so many turns that
+    this moves by 0.1 m in the mean.
 
     Parameters
     ----------
@@ -343,13 +345,13 @@ def pose_errors(true: Floats, estimated: Floats) -> dict[str, Any]:
     from evo.core.metrics import PoseRelation, Unit
 
     both = _paths(true, estimated)
+    steps_m = _relative_errors(both, PoseRelation.translation_part, 1, Unit.frames)
+    steps_deg = _relative_errors(both, PoseRelation.rotation_angle_deg, 1, Unit.frames)
     moved_m = np.linalg.norm(np.diff(true[:, :3, 3], axis=0), axis=1)
-    turns = _judged_turns(moved_m)
-    steps_m = _relative_errors(both, PoseRelation.translation_part, turns, Unit.frames)
-    steps_deg = _relative_errors(both, PoseRelation.rotation_angle_deg, turns, Unit.frames)
-    lost_m = np.clip(_LOST_SHARE * _over(moved_m, turns), *_LOST_M)
-    lost_deg = np.clip(_LOST_SHARE * _over(_turned_deg(true), turns), *_LOST_DEG)
-    lost = int(np.count_nonzero((steps_m > lost_m) | (steps_deg > lost_deg)))
+    lost_m = np.clip(_LOST_SHARE * moved_m, *_LOST_M)
+    lost_deg = np.clip(_LOST_SHARE * _turned_deg(true), *_LOST_DEG)
+    is_lost = (steps_m > lost_m) | (steps_deg > lost_deg) | _stands_still(true, estimated)
+    lost = int(np.count_nonzero(is_lost))
     whole_m = float(moved_m.sum())
     absolute_m = _absolute_error(true, estimated)
     results: dict[str, Any] = {"length_m": whole_m, "lost_turns": lost, "ate_m": absolute_m}
@@ -377,15 +379,19 @@ def _named_drifts(name: str, drifts: Mapping[int, Floats]) -> dict[str, float]:
     }
 
 
-def _judged_turns(moved_m: Floats) -> int:
-    """Return how many turns it takes the sensor to move by `_JUDGED_M` in the mean."""
-    needed = _JUDGED_M / max(float(moved_m.mean()), 1e-9)
-    return int(min(max(math.ceil(needed), 1), len(moved_m)))
-
-
-def _over(motions: Floats, turns: int) -> Floats:
-    """Return the sums of each `turns` consecutive motions (n,), as an array (n - turns + 1,)."""
-    return np.convolve(motions, np.ones(turns), "valid")
+def _stands_still(true: Floats, estimated: Floats) -> NDArray[np.bool_]:
+    """Return whether the estimate hardly moved while a slow sensor moved on, by turn (n - 1,)."""
+    mean_m = float(np.linalg.norm(np.diff(true[:, :3, 3], axis=0), axis=1).mean())
+    still = np.zeros(len(true) - 1, np.bool_)
+    turns = min(math.ceil(_JUDGED_M / max(mean_m, 1e-9)), len(true) - 1)
+    if turns > 1:
+        moved_m, estimated_m = (
+            np.linalg.norm(poses[turns:, :3, 3] - poses[:-turns, :3, 3], axis=1)
+            for poses in (true, estimated)
+        )
+        has_moved = moved_m > _LOST_M[0]
+        still[turns - 1 :] = has_moved & (estimated_m < _LOST_SHARE * moved_m)
+    return still
 
 
 def _turned_deg(poses: Floats) -> Floats:
