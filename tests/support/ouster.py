@@ -158,7 +158,7 @@ def bag(
     package: str = "ouster_ros",
     extra: bytes = b"",
 ) -> Path:
-    """A bag of the driver: lidar packets, packets of the IMU, and the metadata."""
+    """A bag of the driver: packets of the lidar and the IMU, metadata, and a topic for clouds."""
     from rosbags import rosbag1, rosbag2
     from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
@@ -177,6 +177,7 @@ def bag(
             writer.add_connection(f"/ouster/{name}_packets", kind, typestore=types)
             for name in ("lidar", "imu")
         )
+        writer.add_connection("/ouster/points", "sensor_msgs/msg/PointCloud2", typestore=types)
         if about is not None:
             described = writer.add_connection("/ouster/metadata", string, typestore=types)
             message = types.types[string](data=about)

@@ -251,10 +251,10 @@ def write_metadata_beside(recording: Path, metadata: bytes) -> None:
     """
     beside = metadata_beside(recording)
     if beside and len(beside.stem) >= len(recording.stem):
-        if beside.read_bytes() != metadata:
+        if read_bytes(beside) != metadata:
             told = "differs from the metadata in the compressed recording and is kept"
             _log.warning("%s: %s", beside, told)
-    elif not (beside and beside.read_bytes() == metadata):
+    elif not (beside and read_bytes(beside) == metadata):
         write_bytes(recording.with_suffix(".json"), metadata)
 
 

@@ -35,11 +35,12 @@ def has_metadata(topics: Topics) -> bool:
 
 
 def sensors_in_bag(path: Path) -> list[OusterSensor]:
-    """Return the sensors whose metadata are in a ROS bag, without repeated ones.
+    """Return the sensors whose metadata are in a ROS bag of packets, without repeated ones.
 
     Raises InputError if the bag is damaged, or its metadata are not those of an Ouster.
     """
-    names = _metadata_topics(read_topics(path))
+    topics = read_topics(path)
+    names = _metadata_topics(topics) if lidar_topics(topics) else []
     return list(dict.fromkeys(sensor_of(_metadata(path, name), name) for name in names))
 
 

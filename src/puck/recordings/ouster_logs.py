@@ -80,10 +80,11 @@ def ouster_log(
 def _wrong_columns(sensor: OusterSensor, packets: NDArray[Any]) -> str | None:
     """Return what shows that revolutions have another number of columns, or None.
 
-    Only packets of successive columns count, since others are damaged.
+    Only packets of successive columns with data count.
     """
     numbers = packets["columns"]["column"].astype(np.int64)
     is_whole = (np.diff(numbers, axis=1) == 1).all(axis=1)
+    is_whole &= (packets["columns"]["status"] & 1 == 1).all(axis=1)
     numbers, packets = numbers[is_whole], packets[is_whole]
     if not numbers.size:
         return None

@@ -10,6 +10,7 @@ import pytest
 
 from pointkit.errors import InputError
 from puck import compress, decompress
+from puckbench.recordings.cloud_messages import has_clouds
 from puckbench.recordings.reading import read_recording, read_turns
 from puckbench.scene_sets.recordings import Recordings
 from tests.puckbench.recordings.test_ouster import DUAL
@@ -36,6 +37,7 @@ def test_packets_and_metadata_are_read_and_compressed(
     storage: str, package: str, extra: bytes, tmp_path: Path
 ) -> None:
     path = bag(tmp_path / "drive.bag", SENT, TEXT, storage, package, extra)  # type: ignore[arg-type]
+    assert not has_clouds(path)
     returns, whole, _ = read_turns(path)
     assert whole == range(3)
     np.testing.assert_array_equal(returns.turns[1].ranges, images(DUAL)[0])
@@ -65,6 +67,7 @@ def test_metadata_beside_a_bag_describe_it(tmp_path: Path) -> None:
     path = bag(tmp_path / "drive.bag", SENT, None)
     with pytest.raises(InputError, match=r"no topics of metadata .* beside it \(drive.json\)$"):
         read_turns(path)
+    assert has_clouds(path)
     path.with_suffix(".json").write_text(TEXT)
     assert len(read_turns(path).returns.turns) == 3
     summary = compress(path, tmp_path / "small.puck")
