@@ -94,8 +94,10 @@ _HOLES = (50, 52, 54, 68)
 """Bytes of headers between IP fragments: pcap (Ethernet, Linux cooked, VLAN) and pcapng."""
 
 
-def described_sensors(recording: Path) -> tuple[list[OusterSensor], bytes]:
+def described_sensors(recording: Path | None) -> tuple[list[OusterSensor], bytes]:
     """Return the Ouster sensors that metadata in or beside a recording describe.
+
+    `recording` is the path of the file; it is None for a recording that comes from a pipe.
 
     Returns
     -------
@@ -105,6 +107,8 @@ def described_sensors(recording: Path) -> tuple[list[OusterSensor], bytes]:
         Content of the JSON file beside the recording from which the sensor was read. It is empty
         if the metadata are in the recording itself, as in bags of the sensor's driver.
     """
+    if recording is None:
+        return [], b""
     try:
         if is_bag(recording) and (sensors := sensors_in_bag(recording)):
             return sensors, b""

@@ -221,9 +221,8 @@ def compress(
     summary = RecordingSummary()
     with windows_of(recording) as windows, _written(out) as stream:
         summary.compressed = stream.write(start())
-        sensors, metadata = [], b""
-        if isinstance(recording, Path):
-            sensors, metadata = described_sensors(recording)
+        path = recording if isinstance(recording, Path) else None
+        sensors, metadata = described_sensors(path)
         formats = formats_of(sensors)
         for record in _records(windows, formats, metadata, options, summary, report):
             size = stream.write(record.packed())

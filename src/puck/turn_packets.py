@@ -75,9 +75,9 @@ def index_turns(path: Path) -> TurnIndex | None:
     Returns
     -------
     TurnIndex or None
-        The turns. None if they may be no revolutions of one sensor: there are several kinds of
-        packets or none, several sensors, packets that are late, turns differ in length, or the file is no packet capture, as packets in
-        bags may be in parts.
+        The turns. None if they may be no revolutions of one sensor: there are several sensors or
+        kinds of packets, or none; packets are late; turns differ in length; or the file is no
+        packet capture, as packets in bags may be in parts.
 
     Raises
     ------

@@ -151,9 +151,8 @@ def _turns(
         check_selection(source, options.stream, options.topic)
         if is_recording(source):
             with decompressed(source) as path:
-                returns, numbers, left_out = read_turns(
-                    path, 0.0, options.stream, source, options.topic
-                )
+                recorded = read_turns(path, 0.0, options.stream, source, options.topic)
+            returns, numbers, left_out, _ = recorded
         else:
             returns = read_firings(source)
             numbers = range(len(returns.turns))

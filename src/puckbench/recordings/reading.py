@@ -139,7 +139,7 @@ class RecordedTurns(NamedTuple):
     begun_s: float | None
 
     def time_s(self, turn: int) -> float | None:
-        """Return the time since 1970 at which a turn began by the sensor's clock, in s, if known."""
+        """Return the time since 1970, in s, at which a turn began, or None if it is unknown."""
         if self.begun_s is None:
             return None
         clocks = [each.times for each in self.returns.turns[: turn + 1]]
