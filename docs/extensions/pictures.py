@@ -37,6 +37,7 @@ from puckbench.report.reference_results import (
     ReferenceResults,
     read_reference,
 )
+from puckbench.tables.registry import table_entry
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -128,7 +129,8 @@ def _table(picture: Picture, name: str) -> pd.DataFrame:
     from pointkit.tables import read_table
 
     if picture.study == DRIVES:
-        return read_table(study_file(DRIVES))
+        drives = read_table(study_file(DRIVES))
+        return drives if name == DRIVES else table_entry(name).make(drives=drives)
     reference = read_reference(picture.study)
     table = reference.metrics if name == "metrics" else reference.table(name)
     if table is None:

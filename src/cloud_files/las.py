@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from datetime import date
 from importlib.metadata import version
 from io import BytesIO
@@ -29,6 +29,9 @@ _STEP_M = 1e-4
 _DATE = date(2000, 1, 1)
 """Fixed creation date, so that equal points give equal files."""
 _AXES = ("x", "y", "z")
+_COLOURS = ("red", "green", "blue")
+_MOST_LETTERS = 32
+"""Length limit of the names of extra bytes."""
 _COLUMN_NAMES = {
     "intensity": "reflectivity",
     "user_data": "laser_id",
@@ -37,7 +40,11 @@ _COLUMN_NAMES = {
 }
 
 
-def write_las(path: str | Path, columns: Mapping[str, NDArray[Any]]) -> None:
+def write_las(
+    path: str | Path,
+    columns: Mapping[str, NDArray[Any]],
+    others: Mapping[str, NDArray[Any]] | None = None,
+) -> None:
     """Write the returns of a LiDAR as a LAS file or, if `path` ends in ``.laz``, as a LAZ file.
 
     Parameters
@@ -47,15 +54,50 @@ def write_las(path: str | Path, columns: Mapping[str, NDArray[Any]]) -> None:
     columns
         Arrays (n,) by name. x, y and z are in metres and are rounded to 0.1 mm. Optional columns
         are ``reflectivity`` (written as intensity), ``laser_id`` (as user data), ``turn`` or
-        ``frame``, i.e. the number of the sensor's revolution (as point source id), and
-        ``timestamp`` (as GPS time). Other columns are not written.
+        ``frame``, i.e. the number of the sensor's revolution (as point source id),
+        ``timestamp`` (as GPS time), and ``red``, ``green`` and ``blue`` of 8 or 16 bits. Other
+        columns are not written.
+    others
+        Further columns, (n,), of numbers. Those that have the name of a dimension of LAS, and fit
+        in it, are written as this dimension, and all others as extra bytes.
 
     Raises
     ------
     InputError
-        The points lie more than 214 km apart.
+        The points lie more than 214 km apart, or `path` is the name of a COPC file.
     """
-    write_bytes(path, las_bytes(_las_data(columns), Path(path).suffix.lower() == ".laz"))
+    refuse_copc(path)
+    las = _las_data(columns)
+    for name, values in (others or {}).items():
+        _add_dimension(las, name, values)
+    write_bytes(path, las_bytes(las, Path(path).suffix.lower() == ".laz"))
+
+
+def refuse_copc(path: str | Path) -> None:
+    """Raise InputError for the name of a COPC file (``.copc.laz``), which is not written."""
+    if Path(path).name.lower().endswith(".copc.laz"):
+        raise InputError(f"{path}: COPC files are not written: name it .laz")
+
+
+def _add_dimension(las: Any, name: str, values: NDArray[Any]) -> None:
+    import laspy
+
+    if name in las.point_format.dimension_names:
+        blank = np.array(las[name])
+        with suppress(OverflowError):
+            las[name] = values
+        if np.array_equal(las[name], values):
+            return
+        las[name] = blank
+        name = f"{name}_"
+    kind = np.uint8 if values.dtype.kind == "b" else values.dtype.newbyteorder("=")
+    las.add_extra_dim(laspy.ExtraBytesParams(name[:_MOST_LETTERS], kind))
+    las[name[:_MOST_LETTERS]] = values
+
+
+def wide_colours_of(colours: NDArray[Any]) -> NDArray[np.uint16]:
+    """Return colours in 16 bits, as LAS has them, from 8 or 16 bits."""
+    return colours.astype(np.uint16) * 257 if colours.dtype == np.uint8 else colours
 
 
 def las_bytes(las: Any, is_compressed: bool) -> bytes:
@@ -226,7 +268,8 @@ def _las_data(columns: Mapping[str, NDArray[Any]]) -> Any:
     counts = np.rint((xyz - offset) / _STEP_M)
     if counts.max() > np.iinfo(np.int32).max:
         raise InputError("the points lie too far apart for LAS (more than 214 km)")
-    las = las_points(counts, _STEP_M, offset, point_format=1)
+    has_colours = all(name in columns for name in _COLOURS)
+    las = las_points(counts, _STEP_M, offset, point_format=3 if has_colours else 1)
     las.header.system_identifier = "EXPORT"
     las.header.generating_software = f"puckbench {version('cloud_files')}"
     las.return_number[:] = las.number_of_returns[:] = 1
@@ -235,4 +278,6 @@ def _las_data(columns: Mapping[str, NDArray[Any]]) -> Any:
     las.user_data = columns.get("laser_id", unknown)
     las.point_source_id = np.clip(columns.get("turn", columns.get("frame", unknown)), 0, 0xFFFF)
     las.gps_time = columns.get("timestamp", unknown)
+    for name in _COLOURS if has_colours else ():
+        las[name] = wide_colours_of(columns[name])
     return las

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import logging
 import struct
+from collections.abc import Mapping
 from io import BytesIO
 from pathlib import Path
 from typing import Any
@@ -12,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cloud_files.content import unpacked
-from cloud_files.las import las_bytes, reading_las, units_of
+from cloud_files.las import las_bytes, reading_las, refuse_copc, units_of
 from cloud_files.las_units import METRE, Units
 from pointkit.errors import InputError
 from pointkit.files import write_bytes
@@ -40,6 +41,7 @@ def rewrite_las(
     points: NDArray[np.float64],
     rows: NDArray[np.int64],
     metres_per_unit: float = 1.0,
+    replaced: Mapping[str, NDArray[Any]] | None = None,
 ) -> None:
     """Write points to a LAS or LAZ file that otherwise keeps the content of another LAS file.
 
@@ -60,15 +62,19 @@ def rewrite_las(
     metres_per_unit
         Length of one unit of `source` in metres. If it is 1, the unit is taken from the coordinate
         reference system of `source`.
+    replaced
+        Values (m,) by name of a dimension, that replace those of `source`; names that the point
+        format lacks are left out.
 
     Raises
     ------
     InputError
-        `source` is unreadable, its scale and offset cannot represent a point, or LAZ cannot hold
-        its waveforms.
+        `path` is the name of a COPC file, `source` is unreadable, its scale and offset cannot
+        represent a point, or LAZ cannot hold its waveforms.
     """
     import laspy
 
+    refuse_copc(path)
     with unpacked(Path(source)) as plain:
         parts = parse_isolated(parse_las_file, plain, "LAS file").columns
     las = laspy.read(BytesIO(parts["bytes"].tobytes()))
@@ -80,6 +86,9 @@ def rewrite_las(
     las.points = las.points[np.maximum(rows, 0)]
     las.points.array[rows < 0] = 0
     las.X, las.Y, las.Z = steps.astype(np.int32).T
+    for name, values in (replaced or {}).items():
+        if name in las.point_format.dimension_names:
+            las[name] = values
     is_compressed = Path(path).suffix.lower() == ".laz"
     content = bytearray(las_bytes(las, is_compressed))
     if is_compressed and las.point_format.id in _LAYERED_WAVEFORMS:

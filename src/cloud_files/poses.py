@@ -16,6 +16,9 @@ from pointkit.geometry.cloud import Floats
 
 _TUM, _KITTI = 8, 12
 _NOT_UNIT, _NOT_ROTATION = 1e-3, 1e-2
+_STANDS_M = 1.0
+"""Length of a path, in m, that tells nothing about axes."""
+_SAME_AXES = "a calib.txt with Tr: 1 0 0 0 0 1 0 0 0 0 1 0"
 
 
 def read_poses(path: str | Path) -> tuple[Floats | None, Floats]:
@@ -48,38 +51,41 @@ def files_of_poses(path: str | Path) -> list[Path]:
     return [path, *found[:1]]
 
 
-def read_lidar_poses(path: str | Path) -> Floats:
+def read_lidar_poses(path: str | Path) -> tuple[Floats | None, Floats]:
     """Read the poses of a LiDAR from a file in TUM's or KITTI's format.
 
-    KITTI's poses are those of a camera, whose z axis points forward. The ``calib.txt`` that belongs
-    to them (`files_of_poses`) is used to convert them to poses of the LiDAR. Without this file, the
-    poses are taken to be those of the LiDAR.
+    KITTI's poses are those of a camera, which moves along its z axis. Such poses are converted to
+    poses of the LiDAR by the ``calib.txt`` that belongs to them (`files_of_poses`). Poses that move
+    along their x or y axis are taken to be those of the LiDAR.
 
     Returns
     -------
-    array
-        Matrices (n, 4, 4) that transform from LiDAR coordinates to fixed coordinates, in metres.
+    tuple
+        Times and matrices as in `read_poses`. The matrices transform from LiDAR coordinates to
+        fixed coordinates.
 
     Raises
     ------
     InputError
         A line is not a pose, the times do not increase, or there is no ``calib.txt`` although the
-        poses move along z, as those of a camera do.
+        poses move along their z axis, as those of a camera do.
     """
     times, poses = read_poses(path)
-    if times is not None:
-        return poses
+    right, forward, up = np.abs(_motion(poses))
     _, *calibrations = files_of_poses(path)
-    if calibrations:
+    if calibrations and up >= max(right, forward):
         camera = read_kitti_calibration(calibrations[0])
-        return np.linalg.inv(camera) @ poses @ camera
-    right, forward, up = np.abs(np.diff(poses[:, :3, 3], axis=0)).sum(axis=0)
-    if up > max(right, forward):
-        fault = (
-            "these poses move along z, as those of KITTI's camera: put its calib.txt beside them"
-        )
-        raise InputError(f"{path}: {fault}")
-    return poses
+        return times, np.linalg.inv(camera) @ poses @ camera
+    if up > max(right, forward, _STANDS_M):
+        fault = "these poses move along z, as those of KITTI's camera: put its calib.txt beside"
+        raise InputError(f"{path}: {fault} them (if they are the LiDAR's: {_SAME_AXES})")
+    return times, poses
+
+
+def _motion(poses: Floats) -> Floats:
+    """Return the sum of the steps (3,) from pose to pose, in m along the axes of the sensor."""
+    steps = np.diff(poses[:, :3, 3], axis=0)
+    return np.asarray(np.einsum("nij,ni->j", poses[:-1, :3, :3], steps))
 
 
 def poses_of(data: bytes) -> tuple[Floats | None, Floats]:
@@ -121,6 +127,18 @@ def tum_bytes(times: Floats, poses: Floats) -> bytes:
     rows = np.column_stack([times, poses[:, :3, 3], turned])
     lines = [" ".join(f"{value:.9f}" for value in row) for row in rows + 0.0]
     return ("\n".join(lines) + "\n").encode()
+
+
+def kitti_bytes(poses: Floats) -> bytes:
+    """Return the content of a file with the given poses in KITTI's format.
+
+    Parameters
+    ----------
+    poses
+        Matrices (n, 4, 4) that transform from sensor to world coordinates, in metres.
+    """
+    rows = poses[:, :3].reshape(-1, _KITTI) + 0.0
+    return "".join(" ".join(f"{value:.9f}" for value in row) + "\n" for row in rows).encode()
 
 
 def read_kitti_calibration(path: Path) -> Floats:

@@ -8,6 +8,7 @@ import json
 import os
 import platform
 import re
+import shutil
 import stat
 import time
 from collections.abc import Iterator
@@ -58,6 +59,35 @@ def written_whole(path: str | Path) -> Iterator[Path]:
     finally:
         with suppress(OSError):
             temporary.unlink()
+
+
+@contextmanager
+def folder_written_whole(path: str | Path) -> Iterator[Path]:
+    """Write a folder so that it appears only when it is complete.
+
+    The context manager yields a temporary folder beside `path`. It is renamed to `path` if the
+    `with` block succeeds, and removed after an exception.
+
+    Raises
+    ------
+    InputError
+        `path` exists and is not an empty folder, or the system refuses to write.
+    """
+    path = Path(path)
+    if path.exists() and not (path.is_dir() and not any(path.iterdir())):
+        raise InputError(f"{path}: exists already, and is not an empty folder")
+    place = path.resolve()
+    temporary = _temporary(place)
+    try:
+        temporary.mkdir(parents=True)
+        yield temporary
+        os.replace(temporary, place)
+    except OSError as error:
+        if not _is_of(error, temporary, place):
+            raise
+        raise unwritable(path, error) from error
+    finally:
+        shutil.rmtree(temporary, ignore_errors=True)
 
 
 def _temporary(path: Path) -> Path:

@@ -9,6 +9,8 @@ from pathlib import Path
 
 from pointkit.files import unwritable
 
+PIPE = Path("-")
+"""Path that stands for standard input or standard output in commands that take pipes."""
 _SECONDS_BETWEEN_LINES = 10.0
 
 
@@ -42,8 +44,16 @@ class Progress:
             print(line, file=sys.stderr, flush=True)  # noqa: T201
 
 
-def print_answer(text: str) -> None:
+def print_answer(text: str, out: Path | None = None) -> None:
     """Print the answer of a command on standard output.
+
+    Parameters
+    ----------
+    text
+        The answer.
+    out
+        File that the command wrote. If it is `PIPE`, standard output has the file's content, and
+        the answer goes to standard error.
 
     Raises
     ------
@@ -52,8 +62,7 @@ def print_answer(text: str) -> None:
         early causes no error.
     """
     try:
-        print(text)  # noqa: T201
-        sys.stdout.flush()
+        print(text, file=sys.stderr if out == PIPE else None, flush=True)
     except OSError as error:
         # The interpreter flushes the remaining text at its end, which would fail again.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())

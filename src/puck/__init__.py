@@ -3,7 +3,7 @@
 A turn, i.e. one revolution of the sensor, is coded as azimuths, times, reflectivities and an image
 of ranges, with a row for each laser and a column for each firing of all lasers. `compress` and
 `decompress` restore recorded files bit for bit; `encode_returns` and `decode_returns` code decoded
-returns.
+returns; a `Writer` and `read_turns` code turns while the sensor sends them.
 """
 
 from typing import TYPE_CHECKING
@@ -12,7 +12,6 @@ from pointkit.lazy import lazy
 
 if TYPE_CHECKING:
     from puck.options import CodingOptions as CodingOptions
-    from puck.packet_kinds import decode_turns as decode_turns
     from puck.recording import compress as compress
     from puck.recording import decompress as decompress
     from puck.recordings.packet_turns import packet_kind as packet_kind
@@ -23,6 +22,9 @@ if TYPE_CHECKING:
     from puck.returns import range_steps as range_steps
     from puck.returns import reflectivity_bytes as reflectivity_bytes
     from puck.smoothing import smoothed_points as smoothed_points
+    from puck.turn_streams import Writer as Writer
+    from puck.turn_streams import decode_turns as decode_turns
+    from puck.turn_streams import read_turns as read_turns
 
 __getattr__, __dir__, __all__ = lazy(
     __name__,
@@ -36,6 +38,6 @@ __getattr__, __dir__, __all__ = lazy(
         "reflectivity_bytes",
     ),
     smoothing=("smoothed_points",),
-    packet_kinds=("decode_turns",),
+    turn_streams=("Writer", "decode_turns", "read_turns"),
     **{"recordings.packet_turns": ("packet_kind", "packets_of")},
 )

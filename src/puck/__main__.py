@@ -54,7 +54,8 @@ def main(words: Sequence[str] | None = None) -> int:
         with refusing_paths():
             answer = options.run(options)
         width = max(map(len, answer))
-        print_answer("\n".join(f"{name:{width}}  {value}" for name, value in answer.items()))
+        lines = (f"{name:{width}}  {value}" for name, value in answer.items())
+        print_answer("\n".join(lines), options.out)
     except InputError as error:
         return _fail(" ".join(str(error).split()), 2)
     except KeyboardInterrupt:

@@ -4,19 +4,27 @@ from __future__ import annotations
 
 import argparse
 import logging
+import os
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
+from typing import IO, Any
 
+from pointkit.errors import InputError
+from pointkit.terminal import PIPE
 from puck.options import EFFORTS
 
+_ZSTANDARD = b"\x28\xb5\x2f\xfd"
+"""First bytes of files that Zstandard compressed, such as ROS 2 bags."""
 _LOG = logging.getLogger(__name__)
 
 
 def add_compress_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of the command ``compress`` to `parser`; `run_compress` reads them."""
     add = parser.add_argument
-    add("recording", type=Path, help="packet capture or bag (any file)")
-    add("out", type=Path, help="file to write (.puck)")
+    add("recording", type=Path, help="packet capture or bag (any file); -: standard input")
+    add("out", type=Path, help="file to write (.puck); -: standard output")
     add("--effort", choices=EFFORTS, default="normal", help="speed against size (default: normal)")
     text = (
         "number of turns from one key turn, which can be decoded alone, to the next (default: 50); "
@@ -28,8 +36,8 @@ def add_compress_arguments(parser: argparse.ArgumentParser) -> None:
 def add_decompress_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of the command ``decompress`` to `parser`; `run_decompress` reads them."""
     add = parser.add_argument
-    add("stream", type=Path, help="file that `compress` wrote (.puck)")
-    add("out", type=Path, help="recording to write")
+    add("stream", type=Path, help="file that `compress` wrote (.puck); -: standard input")
+    add("out", type=Path, help="recording to write; -: standard output")
     text = "do not limit the size of the recording in proportion to that of the file"
     add("--trusted", action="store_true", help=text)
 
@@ -53,15 +61,50 @@ def run_compress(options: argparse.Namespace) -> dict[str, Any]:
     from puck.recording import compress
 
     coding = CodingOptions(effort=options.effort, key_every=options.key_every)
-    summary = compress(options.recording, options.out, coding, Progress("byte"))
-    if not summary.packets:
+    with _pipes(options.recording, options.out) as (recording, out):
+        summary = compress(recording, out, coding, Progress("byte"))
+    source = "standard input" if options.recording == PIPE else options.recording
+    if not summary.packets and not summary.clouds:
         _LOG.warning(
-            "%s: no data packets of a modelled sensor: LZMA alone (Ouster's need the sensor's "
-            ".json beside the recording, or its metadata in the bag); decompress bags first "
-            "(rosbag decompress, mcap decompress)",
-            options.recording,
+            "%s: no data packets of a modelled sensor and no PointCloud2 messages: LZMA alone%s "
+            "(an Ouster's packets need the sensor's .json beside the recording or its metadata in "
+            "the bag)",
+            source,
+            "" if options.recording == PIPE else _content_told(options.recording),
+        )
+    if summary.kept:
+        _LOG.warning(
+            "%s: %d of %d compressed chunks are stored as they are, since compressing them again "
+            "gives other bytes: decompress the bag first (rosbag decompress, mcap decompress)",
+            source,
+            summary.kept,
+            summary.kept + summary.opened,
         )
     return summary.as_json()
+
+
+def _content_told(recording: Path) -> str:
+    """Return what a bag or a compressed file contains, as a part of a message."""
+    from pointkit.files import open_file
+    from puck.recordings.point_cloud2 import POINT_CLOUD2
+    from puck.recordings.ros_bags import is_bag, read_topics
+    from puck.recordings.topics import listed
+
+    try:
+        with open_file(recording) as file:
+            start = file.read(len(_ZSTANDARD))
+        if start == _ZSTANDARD:
+            return "; the file is compressed by Zstandard: decompress it first"
+        topics = read_topics(recording) if is_bag(recording) else {}
+    except InputError:
+        return ""
+    if not topics:
+        return ""
+    names = [f"{name} ({topic.kind}: {topic.messages})" for name, topic in topics.items()]
+    told = f"; the bag has {listed(names)}"
+    if any(topic.kind == POINT_CLOUD2 and topic.messages for topic in topics.values()):
+        told += ", whose messages or chunks are compressed: decompress the bag first"
+    return told
 
 
 def run_decompress(options: argparse.Namespace) -> dict[str, Any]:
@@ -75,5 +118,24 @@ def run_decompress(options: argparse.Namespace) -> dict[str, Any]:
     from pointkit.terminal import Progress
     from puck.recording import decompress
 
-    summary = decompress(options.stream, options.out, Progress("byte"), trusted=options.trusted)
+    with _pipes(options.stream, options.out) as (stream, out):
+        summary = decompress(stream, out, Progress("byte"), trusted=options.trusted)
     return summary.as_json()
+
+
+@contextmanager
+def _pipes(source: Path, out: Path) -> Iterator[tuple[Path | IO[bytes], Path | IO[bytes]]]:
+    """Replace the path ``-`` by standard input and output, and tell their faults in one line."""
+    if out == PIPE and sys.stdout.isatty():
+        raise InputError("standard output is a terminal, and the output is binary: name a file")
+    try:
+        yield (
+            sys.stdin.buffer if source == PIPE else source,
+            sys.stdout.buffer if out == PIPE else out,
+        )
+    except OSError as error:
+        if isinstance(error.filename, str):
+            raise
+        if out == PIPE:  # the interpreter flushes what is left, which would fail again
+            os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        raise InputError(f"standard input or output: {error.strerror}".lower()) from error

@@ -9,10 +9,9 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import replace
-from io import BytesIO
 from itertools import accumulate, pairwise
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,32 +19,33 @@ from numpy.typing import NDArray
 from pointkit.coding.byte_io import Reader
 from pointkit.errors import InputError
 from pointkit.files import read_bytes
-from pointkit.lidar.turns import Layout, Turn
+from pointkit.geometry.cloud import Floats
+from pointkit.lidar.turns import Turn
 from puck.fields import FieldsDecoder, FieldsEncoder
 from puck.gaps import compress_bytes, decompress_bytes
 from puck.options import CodingOptions
-from puck.recordings.ouster import PROFILES, OusterSensor, metadata_beside, sensor_of
+from puck.recordings.ouster import OusterSensor, metadata_beside, sensor_of
 from puck.recordings.ouster_bags import sensors_in_bag
 from puck.recordings.ouster_packets import OusterKind
+from puck.recordings.packet_order import packet_steps
 from puck.recordings.packet_turns import (
     PacketKind,
     Payloads,
     find_packets,
+    kind_codes,
     packet_kind,
     packets_of,
     split_turns,
     turn_of,
 )
-from puck.recordings.packets import PACKET_BYTES
+from puck.recordings.packets import PACKET, PACKET_BYTES
 from puck.recordings.ros_bags import is_bag
 from puck.records import (
     DAMAGED,
     Record,
     RecordKind,
     check,
-    check_ranges,
     count_ranges,
-    read_records,
 )
 from puck.returns_header import decode_layout, encode_layout
 from puck.turns import TurnDecoder, TurnEncoder, is_key
@@ -55,12 +55,16 @@ _OUSTER_CODE_BYTES = 3
 
 
 class PacketFormat(NamedTuple):
-    """Format of packets in a file: fragments of lengths `pieces`, which are `hole` bytes apart."""
+    """Format of packets in a file: fragments of lengths `pieces`, which are `hole` bytes apart.
+
+    A packet has the structure `packet`.
+    """
 
     pieces: list[int]
     hole: int
     find: Callable[[Payloads], NDArray[np.int64]]
     split_turns: Callable[[Payloads], Iterator[tuple[Kind, Payloads]]]
+    packet: np.dtype[Any] = PACKET
 
     @property
     def span(self) -> int:
@@ -74,14 +78,26 @@ class PacketFormat(NamedTuple):
         starts: NDArray[np.int64] = np.cumsum(steps) - steps
         return starts
 
+    def clock_steps(self, payloads: Payloads) -> Floats:
+        """Return the steps of the sensor's clock between packets (p, bytes), (p - 1,), in us."""
+        return packet_steps(payloads, self.packet)
+
+    def products(self, payloads: Payloads) -> NDArray[np.uint8]:
+        """Return the product code (p,) in each of a Velodyne's packets; 0 for an Ouster's."""
+        if self.packet == PACKET:
+            return kind_codes(payloads)[:, 0].astype(np.uint8)
+        return np.zeros(len(payloads), np.uint8)
+
 
 VELODYNE = PacketFormat([PACKET_BYTES], 0, find_packets, split_turns)
 _HOLES = (50, 52, 54, 68)
 """Bytes of headers between IP fragments: pcap (Ethernet, Linux cooked, VLAN) and pcapng."""
 
 
-def described_sensors(recording: Path) -> tuple[list[OusterSensor], bytes]:
+def described_sensors(recording: Path | None) -> tuple[list[OusterSensor], bytes]:
     """Return the Ouster sensors that metadata in or beside a recording describe.
+
+    `recording` is the path of the file; it is None for a recording that comes from a pipe.
 
     Returns
     -------
@@ -91,6 +107,8 @@ def described_sensors(recording: Path) -> tuple[list[OusterSensor], bytes]:
         Content of the JSON file beside the recording from which the sensor was read. It is empty
         if the metadata are in the recording itself, as in bags of the sensor's driver.
     """
+    if recording is None:
+        return [], b""
     try:
         if is_bag(recording) and (sensors := sensors_in_bag(recording)):
             return sensors, b""
@@ -114,7 +132,8 @@ def formats_of(sensors: Iterable[OusterSensor]) -> list[PacketFormat]:
     for whole in map(OusterKind.of, sensors):
         kinds = [whole, *(replace(whole, is_fragmented=True, hole=hole) for hole in _HOLES)]
         formats += [
-            PacketFormat(each.pieces, each.hole, each.find, each.split_turns) for each in kinds
+            PacketFormat(each.pieces, each.hole, each.find, each.split_turns, each.packet)
+            for each in kinds
         ]
     return [*formats, VELODYNE]
 
@@ -139,85 +158,6 @@ def count_values(kind: Kind, body: bytes) -> int:
     """Return the number of ranges plus the number of further field values in a coded turn."""
     images = len(kind.channels) if isinstance(kind, OusterKind) else 0
     return count_ranges(kind.layout, body) * (1 + images)
-
-
-class _CodedTurn(NamedTuple):
-    layout: Layout
-    kind: OusterKind | None  # if reflectivities are coded with the fields
-    body: bytes
-    fields: bytes | None = None
-
-    def ranges(self) -> int:
-        if self.kind is None:
-            return count_ranges(self.layout, self.body)
-        return count_values(self.kind, self.body)
-
-
-def decode_turns(stream: bytes, first: int = 0, end: int | None = None) -> list[Turn]:
-    """Decode some turns of a stream or of a compressed recording.
-
-    Parameters
-    ----------
-    stream
-        The bytes of a whole stream that `encode_turns`, `encode_returns` or `compress` wrote.
-    first, end
-        The turns from `first` to `end` - 1, counted from 0, are decoded. If `end` is None, all
-        turns from `first` on are decoded. Most turns need the turn before them; decoding therefore
-        starts at the last key turn up to `first`.
-
-    Returns
-    -------
-    list of Turn
-        The turns in chronological order. They lack an Ouster's signals and ambient light, which
-        only `decompress` restores.
-
-    Raises
-    ------
-    InputError
-        The stream is damaged, or has more ranges than a stream of its size may hold.
-    """
-    layout: Layout | None = None
-    turns: list[_CodedTurn] = []
-    for record in read_records(BytesIO(stream)):
-        if record.kind == RecordKind.LAYOUT:
-            layout, code = decode_layout(record.body)
-            kind = OusterKind.decode(layout, code) if len(code) == _OUSTER_CODE_BYTES else None
-            kind = kind if kind and PROFILES[kind.profile].signals else None
-        elif record.kind == RecordKind.TURN:
-            if layout is None:
-                raise InputError(DAMAGED)
-            turns.append(_CodedTurn(layout, kind, record.body))
-        elif record.kind == RecordKind.FIELDS and turns:
-            turns[-1] = turns[-1]._replace(fields=record.body)
-    turns = turns[: None if end is None else max(end, 0)]
-    if first >= len(turns):
-        return []
-    start = max((k for k in range(first + 1) if is_key(turns[k].body)), default=0)
-    check_ranges(sum(turn.ranges() for turn in turns[start:]), len(stream))
-    return _decoded(turns[start:])[first - start :]
-
-
-def _decoded(coded: list[_CodedTurn]) -> list[Turn]:
-    turns: list[Turn] = []
-    format_of_turn: tuple[Layout, OusterKind | None] | None = None
-    for each in coded:
-        kind = each.kind
-        if (each.layout, kind) != format_of_turn:
-            format_of_turn, decoder = (each.layout, kind), TurnDecoder(each.layout)
-            fields = FieldsDecoder(kind) if kind else None
-        turn = decoder.decode(each.body)
-        if kind and fields:
-            if each.fields is None:
-                raise InputError(DAMAGED)
-            rest = fields.decode(each.fields, turn, is_key=is_key(each.body))
-            images = [
-                image
-                for image, channel in zip(rest.images, kind.channels, strict=True)
-                if channel.signal is not None
-            ]
-            turn = replace(turn, reflectivities=np.stack(images).astype(np.uint8))
-        turns.append(turn)
-    return turns
 
 
 class PacketsEncoder:

@@ -1,16 +1,20 @@
 """Lossless compression of recordings, or of any other file.
 
-Data packets are found by their content; the packets of a revolution are encoded as one turn.
+Data packets and messages of point clouds are found by their content; the packets of a revolution
+are encoded as one turn.
 """
 
 from __future__ import annotations
 
 import zlib
 from collections.abc import Callable, Iterator
+from contextlib import closing, contextmanager
 from dataclasses import dataclass, field
 from functools import partial
 from itertools import chain, zip_longest
 from pathlib import Path
+from shutil import copyfileobj
+from tempfile import TemporaryFile
 from typing import IO, Any, NamedTuple
 
 import numpy as np
@@ -18,14 +22,23 @@ from numpy.typing import NDArray
 
 from pointkit.coding.byte_io import Reader, base_128
 from pointkit.errors import InputError, naming
-from pointkit.files import open_file, refuse_special, unreadable, written_whole
-from puck.gaps import Bytes, compress_bytes, decode_gaps, decompress_bytes, encode_gaps, store_gaps
+from pointkit.files import open_file, written_whole
+from puck.chunks import ChunkPacker
+from puck.cloud_messages import FoundCloud, find_clouds
+from puck.cloud_streams import CloudsDecoder, CloudsEncoder, cloud_ranges
+from puck.gaps import (
+    Bytes,
+    compress_bytes,
+    decode_gaps,
+    decompress_bytes,
+    encode_gaps,
+    store_gaps,
+)
 from puck.options import CodingOptions
 from puck.packet_kinds import (
     VELODYNE,
     Kind,
     PacketFormat,
-    PacketsDecoder,
     PacketsEncoder,
     count_values,
     decode_kind,
@@ -35,23 +48,34 @@ from puck.packet_kinds import (
 from puck.recordings.ouster import sensor_of, write_metadata_beside
 from puck.recordings.packet_turns import Payloads
 from puck.records import DAMAGED, Record, RecordKind, check, most_ranges, read_records, start
-from puck.sqlite_pages import (
-    LARGEST_PAGE,
-    LINK_BYTES,
-    SMALLEST_PAGE,
-    decode_links,
-    encode_links,
-    page_size,
-    without_links,
-)
+from puck.sensors import PacketSorter, SensorsDecoder, sensor_number, sensor_record
+from puck.sqlite_pages import LARGEST_PAGE, LINK_BYTES, SMALLEST_PAGE, decode_links
+from puck.sqlite_payloads import PageWriter
+from puck.windows import Windows, windows_of
 
 _WINDOW = 1 << 24
-"""Number of bytes that are searched for packets at a time. Their turns form a batch."""
+"""Number of bytes that are searched at a time. Their turns and clouds form a batch."""
+_MOST_BATCH_BYTES = 1 << 26
+"""Maximum number of bytes of a batch's turns in a stream, which are held in memory."""
 _MANY_BYTES, _BYTES_PER_BYTE = 3 << 24, 40
 """Limit of a restored recording's size: a constant, and more for each byte of the stream."""
 _FRAME_BYTES = 16
 """Maximum number of bytes that state the length of a gap. A decoder counts them as output, too."""
 
+_PORTION = 1 << 20
+_PACKET_KINDS = (
+    *(RecordKind.LAYOUT, RecordKind.TURN, RecordKind.FIELDS, RecordKind.SENSOR, RecordKind.ORDER),
+)
+_BATCH_KINDS = (
+    *_PACKET_KINDS,
+    RecordKind.CLOUD_LAYOUT,
+    RecordKind.CLOUD,
+    RecordKind.PLACES,
+)
+"""Kinds of the records that precede the GAPS record of their batch."""
+
+Pieces = NDArray[np.int64]
+"""First byte, and first byte after the end, of parts of a recording, (n, 2)."""
 Content = bytes
 Report = Callable[[int, int], None]
 """Function that is called with the number of processed bytes and the number of all bytes."""
@@ -63,12 +87,16 @@ class _Counts:
     turns: int = 0
     returns: int = 0
     ranges: int = 0
+    clouds: int = 0
+    points: int = 0
 
     def add(self, other: _Counts) -> None:
         self.packets += other.packets
         self.turns += other.turns
         self.returns += other.returns
         self.ranges += other.ranges
+        self.clouds += other.clouds
+        self.points += other.points
 
 
 @dataclass(kw_only=True)
@@ -81,12 +109,17 @@ class RecordingSummary(_Counts):
         Number of data packets, number of turns (revolutions) that they form, and number of returns
         in these turns.
     ranges
-        Number of pixels of range images, with and without a return, plus pixels of other images.
-        Decoders limit this number.
+        Number of pixels of range images, with and without a return, plus pixels of other images
+        and values of clouds. Decoders limit this number.
+    clouds, points
+        Number of messages of the type PointCloud2, and number of points in them.
     bytes, compressed
         Size of the recording and size of its stream, in bytes.
     parts
         Number of bytes of the stream by kind of record.
+    opened, kept
+        Number of compressed chunks (of ROS 1 bags and MCAP files) that were opened, and number of
+        those that were not, because compressing them again would give other bytes.
     metadata
         Content of the JSON file that describes an Ouster sensor, if it is in the stream.
     """
@@ -94,6 +127,8 @@ class RecordingSummary(_Counts):
     bytes: int = 0
     compressed: int = 0
     parts: dict[str, int] = field(default_factory=dict)
+    opened: int = 0
+    kept: int = 0
     metadata: Content = b""
 
     def as_json(self) -> dict[str, Any]:
@@ -106,11 +141,15 @@ class RecordingSummary(_Counts):
             "packets": self.packets,
             "turns": self.turns,
             "returns": self.returns,
+            "clouds": self.clouds,
+            "points": self.points,
         }
 
 
-@dataclass(frozen=True)
+@dataclass
 class _Limits:
+    """Limits of what the first `size` bytes of a stream may hold."""
+
     size: int
     trusted: bool = False
 
@@ -136,61 +175,70 @@ class _Batch(_Counts):
 
 
 def compress(
-    recording: Path, out: Path, options: CodingOptions | None = None, report: Report | None = None
+    recording: Path | IO[bytes],
+    out: Path | IO[bytes],
+    options: CodingOptions | None = None,
+    report: Report | None = None,
 ) -> RecordingSummary:
     """Compress any file so that `decompress` restores it bit for bit.
 
-    The function finds data packets of known sensors by their content, and codes the packets of a
-    revolution as one turn. LZMA compresses all other bytes. Packets of an Ouster are found only if
-    the sensor's metadata are in the recording, which is a bag, or in a JSON file beside it. The
-    stream then contains this file.
+    The function finds data packets of known sensors and messages of the type PointCloud2 by their
+    content, and codes the packets of a revolution as one turn. LZMA compresses all other bytes.
+    Packets of an Ouster are found only if the sensor's metadata are in the recording, which is a
+    bag, or in a JSON file beside it. The stream then contains this file. Compressed chunks of bags
+    are opened if compressing them again gives the same bytes. The recording is read once, in
+    windows of 16 MiB; memory does not grow with its size.
 
     Parameters
     ----------
     recording
-        Packet capture, ROS bag, or any other file.
+        Packet capture, ROS bag, or any other file; or a binary stream, such as a pipe.
     out
-        File to write. If compression fails, no incomplete file is left.
+        File to write, or a binary stream. If compression fails, no incomplete file is left; a
+        stream may have taken a part.
     options
         Options of encoding. Only `effort` and `key_every` may differ from their defaults, since
         nothing may be lost.
     report
         Function that is called with the number of processed bytes and the number of all bytes, to
-        show progress.
+        show progress. It is not called for a stream, whose size is not known.
 
     Returns
     -------
     RecordingSummary
-        Number of packets, turns and returns, and the sizes of both files in bytes.
+        Number of packets, turns, returns and clouds, and the sizes of both files in bytes.
 
     Raises
     ------
     InputError
-        The recording cannot be read, `out` cannot be written or is the recording itself, or
-        `options` are lossy.
+        The recording cannot be read, or is an empty stream; `out` cannot be written or is the
+        recording itself; or `options` are lossy.
     """
     options = options or CodingOptions()
     if options.step != 1 or not options.times or not options.reflectivities:
         raise InputError("a recording is compressed without loss and with all that is in it")
     _check_different(recording, out)
-    data = _mapped(recording)
-    summary = RecordingSummary(bytes=len(data))
-    with written_whole(out) as temporary, temporary.open("wb") as stream:
+    summary = RecordingSummary()
+    with windows_of(recording) as windows, _written(out) as stream:
         summary.compressed = stream.write(start())
-        sensors, metadata = described_sensors(recording)
+        path = recording if isinstance(recording, Path) else None
+        sensors, metadata = described_sensors(path)
         formats = formats_of(sensors)
-        for record in _records(
-            data, formats, metadata, options, summary, report or (lambda done, size: None)
-        ):
+        for record in _records(windows, formats, metadata, options, summary, report):
             size = stream.write(record.packed())
             name = record.kind.name.lower()
             summary.parts[name] = summary.parts.get(name, 0) + size
             summary.compressed += size
+        summary.bytes, summary.opened, summary.kept = windows.read, windows.opened, windows.kept
     return summary
 
 
 def decompress(
-    path: Path, out: Path, report: Report | None = None, *, trusted: bool = False
+    path: Path | IO[bytes],
+    out: Path | IO[bytes],
+    report: Report | None = None,
+    *,
+    trusted: bool = False,
 ) -> RecordingSummary:
     """Restore a file that `compress` compressed, and verify its checksum.
 
@@ -200,12 +248,13 @@ def decompress(
     Parameters
     ----------
     path
-        File that `compress` wrote (.puck).
+        File that `compress` wrote (.puck); or a binary stream, such as a pipe.
     out
-        File to write. If decompression fails, no incomplete file is left.
+        File to write, or a binary stream. If decompression fails, no incomplete file is left; a
+        stream may have taken a part.
     report
         Function that is called with the number of processed bytes and the number of all bytes of
-        the stream, to show progress.
+        the stream, to show progress. It is not called if `path` is a stream.
     trusted
         Whether to restore a file of any size. By default, the function refuses to write more than
         48 MiB plus 40 bytes for each byte of the stream, because a small stream can be made to fill
@@ -214,7 +263,7 @@ def decompress(
     Returns
     -------
     RecordingSummary
-        Number of packets, turns and returns, and the sizes of both files in bytes.
+        Number of packets, turns, returns and clouds, and the sizes of both files in bytes.
 
     Raises
     ------
@@ -223,74 +272,72 @@ def decompress(
         large; or a file cannot be read or written.
     """
     _check_different(path, out)
-    source = open_file(path)
-    size = path.stat().st_size
-    limits, report = _Limits(size, trusted), report or (lambda done, size: None)
-    with source, written_whole(out) as temporary, temporary.open("wb") as stream, naming(path):
-        summary = _restore(source, stream, limits, report)
-    if summary.metadata:
+    with _opened(path) as source, _written(out) as stream:
+        summary = _restore(source, stream, trusted, report or _no_report)
+    if summary.metadata and isinstance(out, Path):
         write_metadata_beside(out, summary.metadata)
     return summary
 
 
-def _check_different(source: Path, out: Path) -> None:
+def _check_different(source: Path | IO[bytes], out: Path | IO[bytes]) -> None:
+    if not isinstance(source, Path) or not isinstance(out, Path):
+        return
     if source.exists() and out.exists() and source.samefile(out):
         raise InputError(f"{out}: is the file that is read; name another one to write")
 
 
-def _mapped(path: Path) -> Bytes:
-    refuse_special(path)
-    try:
-        if path.stat().st_size == 0:
-            return np.zeros(0, np.uint8)
-        data: Bytes = np.asarray(np.memmap(path, np.uint8, "r"))
-    except (OSError, ValueError) as error:
-        if path.is_dir():
-            raise InputError(f"{path}: a folder; compress the files in it") from error
-        raise unreadable(path, error if isinstance(error, OSError) else OSError()) from error
-    return data
+@contextmanager
+def _opened(path: Path | IO[bytes]) -> Iterator[_Counted]:
+    if isinstance(path, Path):
+        with open_file(path) as stream, naming(path):
+            yield _Counted(stream, path.stat().st_size)
+    else:
+        yield _Counted(path)
+
+
+@contextmanager
+def _written(out: Path | IO[bytes]) -> Iterator[IO[bytes]]:
+    if isinstance(out, Path):
+        with written_whole(out) as temporary, temporary.open("w+b") as stream:
+            yield stream
+    else:
+        yield out
+        out.flush()
 
 
 def _records(
-    data: Bytes,
+    windows: Windows,
     formats: list[PacketFormat],
     metadata: bytes,
     options: CodingOptions,
     summary: RecordingSummary,
-    report: Report,
+    report: Report | None,
 ) -> Iterator[Record]:
-    page = page_size(data)
-    checksum = _checksum(data)
-    size = len(data)
-    if page:
-        pages = data.reshape(-1, page)
-        links = compress_bytes(encode_links(pages[:, :LINK_BYTES]), are_headers=True)
-        yield Record(RecordKind.PAGES, base_128(page) + links)
-        size = len(pages) * (page - LINK_BYTES)
-    encoder = _PacketEncoder(options)
-    done = 0
-    while done < size:
-        window = without_links(data, page, done, min(done + _WINDOW, size))
-        packets = _find(formats, window)
-        if metadata and packets.places.size and packets.format is not VELODYNE:
+    yield from windows.header
+    if report is None or windows.size is None:
+        report = _no_report
+    encoder, done = _BatchEncoder(options), 0
+    for window in search(windows, formats):
+        yield from windows.take_records()
+        if metadata and window.packets.places.size and window.packets.format is not VELODYNE:
             yield Record(RecordKind.METADATA, compress_bytes(metadata))
             summary.metadata, metadata = metadata, b""
-        is_last = done + len(window) == size
-        # A packet that the window cuts off is found in the next window.
-        largest = max(each.span for each in formats)
-        end = len(window) if is_last else max(len(window) - largest + 1, packets.end())
-        batches = encoder.batches(window[:end], packets, partial(_report_at, report, done, size))
-        batch = next(batch for batch in batches if _fits(batch, summary, done + end))
+        batches = encoder.batches(window, partial(_report_at, report, windows, done))
+        done += len(window.data)
+        batch = next(batch for batch in batches if _fits(batch, summary, done))
         summary.add(batch)
         yield from batch.records
-        done += end
-        report(done, size)
-    yield Record(RecordKind.END, summary.bytes.to_bytes(8, "little") + checksum)
+        report(*windows.progress(done))
+    yield Record(RecordKind.END, _end(windows.read, windows.checksum))
 
 
-def _report_at(report: Report, done: int, size: int, within: int) -> None:
+def _no_report(done: int, size: int) -> None:
+    pass
+
+
+def _report_at(report: Report, windows: Windows, done: int, within: int) -> None:
     if within:
-        report(done + within, size)
+        report(*windows.progress(done + within))
 
 
 def _fits(batch: _Batch, summary: RecordingSummary, done: int) -> bool:
@@ -299,14 +346,9 @@ def _fits(batch: _Batch, summary: RecordingSummary, done: int) -> bool:
     return summary.ranges + batch.ranges <= limits.ranges and done <= limits.bytes
 
 
-def _checksum(data: Bytes) -> bytes:
-    checksum = 0
-    for first in range(0, len(data), _WINDOW):
-        checksum = zlib.crc32(data[first : first + _WINDOW].tobytes(), checksum)
-    return checksum.to_bytes(4, "little")
+class FoundPackets(NamedTuple):
+    """Packets of one format that were found in a part of a recording, at ascending places."""
 
-
-class _Packets(NamedTuple):
     format: PacketFormat
     places: NDArray[np.int64]
 
@@ -318,65 +360,173 @@ class _Packets(NamedTuple):
 
     def payloads(self, data: Bytes) -> Payloads:
         views = np.lib.stride_tricks.sliding_window_view(data, self.format.span)[self.places]
-        starts = self.format.starts.tolist()
-        pieces = zip(starts, self.format.pieces, strict=True)
+        pieces = zip(self.format.starts.tolist(), self.format.pieces, strict=True)
         return np.concatenate([views[:, at : at + size] for at, size in pieces], axis=1)
 
+    def turns(self, data: Bytes) -> Iterator[tuple[Kind, Payloads]]:
+        return self.format.split_turns(self.payloads(data)) if len(self.places) else iter(())
 
-def _find(formats: list[PacketFormat], data: Bytes) -> _Packets:
-    best = _Packets(formats[0], formats[0].find(data))
+    def pieces(self) -> Pieces:
+        starts = (self.places[:, None] + self.format.starts).ravel()
+        return np.stack([starts, starts + np.tile(self.format.pieces, len(self.places))], axis=1)
+
+    def outside(self, clouds: Pieces) -> FoundPackets:
+        """Return the packets that have no byte in common with the clouds."""
+        before = np.searchsorted(clouds[:, 1], self.places, side="right")
+        ends = np.append(clouds[:, 0], np.iinfo(np.int64).max)
+        return self._replace(places=self.places[self.places + self.format.span <= ends[before]])
+
+
+class Window(NamedTuple):
+    """Part of a recording's content, and what was found in it.
+
+    The packets are of the format that covers most of the part.
+    """
+
+    data: Bytes
+    packets: FoundPackets
+    clouds: list[FoundCloud]
+
+    @property
+    def found(self) -> int:
+        """Number of bytes of packets and clouds."""
+        return self.packets.bytes() + sum(cloud.end - cloud.start for cloud in self.clouds)
+
+
+def search(windows: Windows, formats: list[PacketFormat]) -> Iterator[Window]:
+    """Search a recording for packets and clouds, and yield it window by window.
+
+    A packet, turn or cloud that a window cuts off is found in the next window.
+    """
+    is_last = windows.size == 0
+    while not is_last:
+        data, clouds, cut, is_last = _next_window(windows)
+        packets = _find(formats, data).outside(
+            _pieces_of(clouds if cut is None else [*clouds, cut])
+        )
+        end = len(data)
+        if not is_last:
+            largest = max(each.span for each in formats)
+            end = end - largest + 1 if cut is None else cut.head
+            end = max(end, packets.end(), *(cloud.end for cloud in clouds))
+            whole = _without_last_turn(packets, data)
+            if len(whole.places) < len(packets.places) and not clouds and cut is None:
+                packets, end = whole, whole.end()
+        yield Window(data[:end], packets, clouds)
+        windows.skip(end)
+
+
+def _next_window(windows: Windows) -> tuple[Bytes, list[FoundCloud], FoundCloud | None, bool]:
+    """Return a part of the content, its clouds, the cloud that it cuts off, and if it is the last.
+
+    The part is longer than usual if the cloud that is cut off begins early.
+    """
+    size = _WINDOW
+    while True:
+        data, is_last = windows.next(size)
+        clouds = list(find_clouds(data.tobytes()))
+        cut = clouds.pop() if clouds and clouds[-1].end > len(data) else None
+        if cut is None or is_last or cut.head > _WINDOW // 2:
+            return data, clouds, cut, is_last
+        size = cut.end
+
+
+def _pieces_of(clouds: list[FoundCloud]) -> Pieces:
+    return np.array([(cloud.start, cloud.end) for cloud in clouds], np.int64).reshape(-1, 2)
+
+
+def _without_last_turn(packets: FoundPackets, window: Bytes) -> FoundPackets:
+    lengths = [len(payloads) for _, payloads in packets.turns(window)]
+    count = sum(lengths[:-1])
+    # So that windows do not overlap by more than half.
+    is_late = count and packets.places[count] > len(window) // 2
+    return packets._replace(places=packets.places[:count]) if is_late else packets
+
+
+def _find(formats: list[PacketFormat], data: Bytes) -> FoundPackets:
+    best = FoundPackets(formats[0], formats[0].find(data))
     for each in formats[1:]:
         if 2 * best.bytes() > len(data):
             break
-        packets = _Packets(each, each.find(data))
-        best = max(best, packets, key=_Packets.bytes)
+        packets = FoundPackets(each, each.find(data))
+        best = max(best, packets, key=FoundPackets.bytes)
     return best
 
 
-class _PacketEncoder:
+class _BatchEncoder:
     def __init__(self, options: CodingOptions) -> None:
-        self._options = options
-        self._packets: PacketsEncoder | None = None
+        self._options, self._sorter, self._sensor = options, PacketSorter(), 0
+        self._packets: dict[int, PacketsEncoder] = {}
+        self._clouds = CloudsEncoder(options)
 
-    def batches(
-        self, data: Bytes, packets: _Packets, report: Callable[[int], None]
-    ) -> Iterator[_Batch]:
-        """Yield three encodings of `data`, of which the caller uses the first within the decoder's
-        limits.
+    def batches(self, window: Window, report: Callable[[int], None]) -> Iterator[_Batch]:
+        """Yield three encodings of a window, of which the caller uses the first within the
+        decoder's limits.
 
-        The first encodes packets as turns, the second compresses all bytes by LZMA, and the third
-        stores the bytes, which is always within the limits.
+        The first encodes packets as turns, and clouds; the second compresses all bytes by LZMA; and
+        the third stores the bytes, which is always within the limits.
         """
-        yield self._batch(data, packets, report)
-        self._packets = None
-        gaps = [data.tobytes()]
+        sensor = self._sensor
+        yield self._batch(window, report)
+        self._sensor = sensor
+        self._packets.clear()
+        self._clouds = CloudsEncoder(self._options)
+        gaps = [window.data.tobytes()]
         for encode in (encode_gaps, store_gaps):
             yield _Batch(records=[Record(RecordKind.GAPS, base_128(0) + encode(gaps))])
 
-    def _batch(self, data: Bytes, packets: _Packets, report: Callable[[int], None]) -> _Batch:
-        batch, (packet_format, places) = _Batch(), packets
-        if len(places):
-            for kind, payloads in packet_format.split_turns(packets.payloads(data)):
-                self._add_turn(kind, payloads, batch)
-                report(int(places[batch.packets - 1]))
-        pieces = (places[:, None] + packet_format.starts).ravel()
-        starts = np.concatenate([[0], pieces + np.tile(packet_format.pieces, len(places))])
-        ends = np.concatenate([pieces, [len(data)]])
+    def _batch(self, window: Window, report: Callable[[int], None]) -> _Batch:
+        batch, (data, packets, clouds) = _Batch(), window
+        self._add_packets(data, packets, batch, report)
+        for cloud in clouds:
+            batch.records += self._clouds.encode(cloud, data[cloud.start : cloud.end].tobytes())
+            batch.clouds += 1
+            batch.points += cloud.points
+            batch.ranges += cloud_ranges(cloud.end - cloud.start)
+            report(cloud.start)
+        pieces, places = packets.pieces(), _pieces_of(clouds)
+        if len(pieces) and clouds:
+            body = b"".join(map(base_128, np.searchsorted(pieces[:, 0], places[:, 0]).tolist()))
+            batch.records.append(Record(RecordKind.PLACES, body))
+        pieces = np.concatenate([pieces, places])
+        pieces = pieces[np.argsort(pieces[:, 0])]
+        edges = [0, *pieces.ravel().tolist(), len(data)]
         gaps = [
-            data[first:end].tobytes()
-            for first, end in zip(starts.tolist(), ends.tolist(), strict=True)
+            data[first:end].tobytes() for first, end in zip(edges[::2], edges[1::2], strict=True)
         ]
-        # Gaps that are larger than the packets are content of other kinds.
-        are_headers = len(data) < 2 * packets.bytes()
+        # Gaps that are larger than what was found are content of other kinds.
+        are_headers = len(data) < 2 * window.found
         body = base_128(len(pieces)) + encode_gaps(gaps, are_headers)
         batch.records.append(Record(RecordKind.GAPS, body))
         return batch
 
+    def _add_packets(
+        self, data: Bytes, packets: FoundPackets, batch: _Batch, report: Callable[[int], None]
+    ) -> None:
+        form, places = packets
+        if not len(places):
+            return
+        payloads = packets.payloads(data)
+        by_sensor, order = self._sorter.sort(data, form, places, payloads)
+        for sensor, rows in by_sensor.items():
+            self._select(sensor, batch)
+            for kind, part in form.split_turns(payloads[rows]):
+                self._add_turn(kind, part, batch)
+                report(int(places[batch.packets - 1]))
+        if order:
+            batch.records.append(Record(RecordKind.ORDER, order))
+
+    def _select(self, sensor: int, batch: _Batch) -> None:
+        if sensor != self._sensor:
+            self._sensor = sensor
+            batch.records.append(sensor_record(sensor))
+
     def _add_turn(self, kind: Kind, payloads: Payloads, batch: _Batch) -> None:
-        if self._packets is None or kind != self._packets.kind:
-            self._packets = PacketsEncoder(kind, self._options)
-            batch.records.append(self._packets.layout())
-        turn, records = self._packets.encode(payloads)
+        encoder = self._packets.get(self._sensor)
+        if encoder is None or kind != encoder.kind:
+            encoder = self._packets[self._sensor] = PacketsEncoder(kind, self._options)
+            batch.records.append(encoder.layout())
+        turn, records = encoder.encode(payloads)
         batch.records += records
         batch.turns += 1
         batch.packets += len(payloads)
@@ -387,9 +537,11 @@ class _PacketEncoder:
 class _RecordingWriter:
     def __init__(self, stream: IO[bytes], limits: _Limits) -> None:
         self._stream, self._limits = stream, limits
-        self.checksum, self.size = 0, 0
-        self._links: Bytes | None = None
-        self._page, self._at = 0, 0
+        self._out = stream
+        self._chunks, self._pages = ChunkPacker(), PageWriter()
+        self._at, self._position = 0, 0
+        self._checksum, self._is_in_order = 0, True
+        self.size = 0
 
     def admit(self, size: int) -> None:
         self._limits.check(self._at + size, self._limits.bytes, "bytes")
@@ -397,80 +549,184 @@ class _RecordingWriter:
     def start_pages(self, body: bytes) -> None:
         reader = Reader(body)
         page = reader.number()
-        check(not self._at and not self._page and SMALLEST_PAGE <= page <= LARGEST_PAGE)
-        content = page - LINK_BYTES
-        links = decompress_bytes(reader, lambda size: self.admit(size // LINK_BYTES * content))
+        check(not self._at and not self._pages.page and SMALLEST_PAGE <= page <= LARGEST_PAGE)
+        links = decompress_bytes(reader, lambda size: None)
         check(len(links) % LINK_BYTES == 0)
-        self._page, self._links = content, decode_links(links)
+        self._pages = PageWriter(page, decode_links(links))
+
+    def start_payloads(self, body: bytes) -> None:
+        check(not self._at)
+        self._pages.set_payloads(body)
+        if not self._stream.seekable():
+            self._out = TemporaryFile()  # noqa: SIM115 (closed by `close`)
+
+    def start_chunks(self, body: bytes) -> None:
+        self._chunks.add_record(body)
 
     def write(self, data: bytes) -> None:
-        remaining = memoryview(data)
-        while self._links is not None and remaining:
-            number, within = divmod(self._at, self._page)
-            if within == 0:
-                check(number < len(self._links))
-                self._put(self._links[number].tobytes())
-            part = remaining[: self._page - within]
-            self._put(part)
-            self._at += len(part)
-            remaining = remaining[len(part) :]
-        self._put(remaining)
-        self._at += len(remaining)
+        self._at += len(data)
+        for part in self._chunks.pack(data):
+            for place, piece in self._pages.pieces(part):
+                self._put(place, piece)
 
-    def _put(self, data: bytes | memoryview) -> None:
-        self.checksum = zlib.crc32(data, self.checksum)
+    def _put(self, place: int, data: bytes | memoryview) -> None:
+        if place != self._position:
+            self._is_in_order = False
+            self._out.seek(place)
+        elif self._is_in_order:
+            self._checksum = zlib.crc32(data, self._checksum)
+        self._out.write(data)
+        self._position = place + len(data)
         self.size += len(data)
-        self._stream.write(data)
+
+    def finish(self, end: bytes) -> None:
+        """Verify the number of bytes and their checksum, which are the body of an END record."""
+        if not self._is_in_order:
+            self._checksum = 0
+            self._out.seek(0)
+            while part := self._out.read(_PORTION):
+                self._checksum = zlib.crc32(part, self._checksum)
+        if end != _end(self.size, self._checksum):
+            fault = "the stream is damaged, or holds no recording"
+            if others := self._chunks.other_versions():
+                fault = f"chunks can only be compressed as they were by {others}"
+            raise InputError(fault)
+        if self._out is not self._stream:
+            self._out.seek(0)
+            copyfileobj(self._out, self._stream)
+
+    def close(self) -> None:
+        """Delete the temporary copy of a recording whose pages are not written in their order."""
+        if self._out is not self._stream:
+            self._out.close()
+
+
+class _Counted:
+    """Stream that counts the bytes read from it; its `size` is None for a pipe."""
+
+    def __init__(self, stream: IO[bytes], size: int | None = None) -> None:
+        self._stream, self.size, self.count = stream, size, 0
+
+    def read(self, size: int, /) -> bytes:
+        data = self._stream.read(size)
+        self.count += len(data)
+        return data
+
+
+class _Restorer:
+    """Decoder of the records of a recording, in the order of the stream."""
+
+    def __init__(self, stream: IO[bytes], limits: _Limits, summary: RecordingSummary) -> None:
+        self._limits, self._summary = limits, summary
+        self.writer = writer = _RecordingWriter(stream, limits)
+        self._packets = SensorsDecoder(2 * _WINDOW)
+        self._clouds = CloudsDecoder(self._admit_cloud)
+        self._places = b""
+        self._handlers: dict[RecordKind, Callable[[bytes], None]] = {
+            RecordKind.PAGES: writer.start_pages,
+            RecordKind.PAYLOADS: writer.start_payloads,
+            RecordKind.CHUNKS: writer.start_chunks,
+            RecordKind.METADATA: self._add_metadata,
+            RecordKind.CLOUD_LAYOUT: self._clouds.start_layout,
+            RecordKind.CLOUD: self._add_cloud,
+            RecordKind.PLACES: self._add_places,
+            RecordKind.GAPS: self._add_gaps,
+        }
+
+    def add(self, record: Record) -> None:
+        if record.kind in _PACKET_KINDS:
+            self._summary.returns += self._packets.add(record)
+            self._summary.turns += record.kind == RecordKind.TURN
+        else:
+            self._handlers.get(record.kind, self.writer.finish)(record.body)
+
+    def _admit_cloud(self, size: int) -> None:
+        self._summary.ranges += cloud_ranges(size)
+        self._limits.check(self._summary.ranges, self._limits.ranges, "ranges")
+
+    def _add_metadata(self, body: bytes) -> None:
+        metadata = decompress_bytes(Reader(body), self.writer.admit)
+        sensor_of(metadata, "its metadata")
+        self._summary.metadata = metadata
+
+    def _add_cloud(self, body: bytes) -> None:
+        self._summary.points += self._clouds.add_cloud(body)
+        self._summary.clouds += 1
+
+    def _add_places(self, body: bytes) -> None:
+        self._places = body
+
+    def _add_gaps(self, body: bytes) -> None:
+        count, pieces = self._packets.take()
+        self._summary.packets += count
+        pieces = _with_clouds(pieces, self._clouds.take(), self._places)
+        self._places = b""
+        reader = Reader(body)
+        check(reader.number() == len(pieces))
+        gaps = decode_gaps(reader, len(pieces) + 1, self.writer.admit)
+        self.writer.write(b"".join(chain(*zip_longest(gaps, pieces, fillvalue=b""))))
 
 
 def _restore(
-    source: IO[bytes], stream: IO[bytes], limits: _Limits, report: Report
+    source: _Counted, stream: IO[bytes], trusted: bool, report: Report
 ) -> RecordingSummary:
-    summary, packets = RecordingSummary(compressed=limits.size), PacketsDecoder(2 * _WINDOW)
-    writer = _RecordingWriter(stream, limits)
-    summary.ranges = _all_ranges(source)
-    limits.check(summary.ranges, limits.ranges, "ranges")
-    source.seek(0)
-    for record in read_records(source):
-        if record.kind != RecordKind.END:
-            report(source.tell(), limits.size)
-        if record.kind == RecordKind.PAGES:
-            writer.start_pages(record.body)
-        elif record.kind == RecordKind.LAYOUT:
-            packets.start_layout(record.body)
-        elif record.kind == RecordKind.TURN:
-            summary.returns += packets.add_turn(record.body)
-            summary.turns += 1
-        elif record.kind == RecordKind.FIELDS:
-            packets.add_fields(record.body)
-        elif record.kind == RecordKind.METADATA:
-            summary.metadata = decompress_bytes(Reader(record.body), writer.admit)
-            sensor_of(summary.metadata, "its metadata")
-        elif record.kind == RecordKind.GAPS:
-            count, pieces = packets.take()
-            summary.packets += count
-            reader = Reader(record.body)
-            check(reader.number() == len(pieces))
-            gaps = decode_gaps(reader, len(pieces) + 1, writer.admit)
-            writer.write(b"".join(chain(*zip_longest(gaps, pieces, fillvalue=b""))))
-        elif record.body != _end(writer):
-            raise InputError("the stream is damaged, or holds no recording")
-    report(limits.size, limits.size)
-    summary.bytes = writer.size
+    summary, limits, done = RecordingSummary(), _Limits(0, trusted), 0
+    restorer = _Restorer(stream, limits, summary)
+    with closing(restorer.writer) as writer:
+        for record in _within_limits(source, limits, summary):
+            done += len(record.body)
+            if source.size is not None:
+                report(done, source.size)
+            restorer.add(record)
+    if source.size is not None:
+        report(source.size, source.size)
+    summary.bytes, summary.compressed = writer.size, source.count
     return summary
 
 
-def _end(writer: _RecordingWriter) -> bytes:
-    return writer.size.to_bytes(8, "little") + writer.checksum.to_bytes(4, "little")
+def _with_clouds(pieces: list[bytes], clouds: list[bytes], places: bytes) -> list[bytes]:
+    """Return the pieces of packets and the clouds in their order in the recording.
+
+    `places` are the numbers of pieces before each cloud, and empty if there are only pieces or only
+    clouds.
+    """
+    if not places:
+        check(not pieces or not clouds)
+        return pieces or clouds
+    reader, first, together = Reader(places), 0, []
+    for cloud in clouds:
+        end = reader.number()
+        check(first <= end <= len(pieces))
+        together += [*pieces[first:end], cloud]
+        first = end
+    check(not reader.rest())
+    return [*together, *pieces[first:]]
 
 
-def _all_ranges(source: IO[bytes]) -> int:
-    ranges, kind = 0, None
+def _within_limits(
+    source: _Counted, limits: _Limits, summary: RecordingSummary
+) -> Iterator[Record]:
+    """Yield the records of a stream, those of a batch after all of it is read and checked."""
+    batch, kinds, sensor, size = list[Record](), dict[int, Kind](), 0, 0
     for record in read_records(source):
-        if record.kind == RecordKind.LAYOUT:
-            kind = decode_kind(record.body)
+        batch.append(record)
+        if record.kind == RecordKind.SENSOR:
+            sensor = sensor_number(record.body)
+        elif record.kind == RecordKind.LAYOUT:
+            kinds[sensor] = decode_kind(record.body)
         elif record.kind == RecordKind.TURN:
-            if kind is None:
+            if sensor not in kinds:
                 raise InputError(DAMAGED)
-            ranges += count_values(kind, record.body)
-    return ranges
+            summary.ranges += count_values(kinds[sensor], record.body)
+        if record.kind in _BATCH_KINDS:
+            size += len(record.body)
+            check(size <= _MOST_BATCH_BYTES)
+            continue
+        limits.size = source.count
+        limits.check(summary.ranges, limits.ranges, "ranges")
+        yield from batch
+        batch, size = [], 0
+
+
+def _end(size: int, checksum: int) -> bytes:
+    return size.to_bytes(8, "little") + checksum.to_bytes(4, "little")

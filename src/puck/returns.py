@@ -21,6 +21,7 @@ from puck.records import (
     read_records,
 )
 from puck.returns_header import decode_beams, decode_layout, encode_beams, encode_layout
+from puck.turn_streams import Writer
 from puck.turns import TurnDecoder, TurnEncoder, turn_step
 
 
@@ -143,10 +144,11 @@ def encode_turns(
     >>> [bool((decoded.ranges == ranges).all()) for decoded in decode_turns(stream)]
     [True, True]
     """
-    encoder = TurnEncoder(layout, options)
-    records = [Record(RecordKind.LAYOUT, encode_layout(layout))]
-    records += [Record(RecordKind.TURN, encoder.encode(turn)) for turn in turns]
-    return join_records(records)
+    stream = BytesIO()
+    with Writer(stream, layout, options) as writer:
+        for turn in turns:
+            writer.add(turn)
+    return stream.getvalue()
 
 
 def _read(stream: bytes) -> tuple[Returns, list[bytes]]:

@@ -12,31 +12,21 @@ from puck.gaps import MOST_RAW_BYTES, Bytes
 
 LINK_BYTES = 4
 SMALLEST_PAGE, LARGEST_PAGE = 512, 1 << 16
-_MAGIC = b"SQLite format 3\x00"
+MAGIC = b"SQLite format 3\x00"
 
 
-def page_size(data: Bytes) -> int:
-    """Return the page size in bytes if `data` is a complete SQLite file, and 0 otherwise."""
-    if data[: len(_MAGIC)].tobytes() != _MAGIC or len(data) < SMALLEST_PAGE:
-        return 0
-    size = int.from_bytes(data[16:18].tobytes(), "big")
-    size = LARGEST_PAGE if size == 1 else size
-    if size < SMALLEST_PAGE or len(data) % size:
-        return 0
-    return 0 if len(data) // size * LINK_BYTES > MOST_RAW_BYTES else size
+def page_size(start: bytes, size: int) -> int:
+    """Return the page size in bytes of a complete SQLite file, and 0 for other files.
 
-
-def without_links(data: Bytes, page: int, first: int, end: int) -> Bytes:
-    """Return the bytes from `first` to `end` of a file without page links.
-
-    `page` is the page size in bytes, or 0 for a file without links.
+    `start` are the first bytes of the file, at least 18, and `size` is its size in bytes.
     """
-    if not page:
-        return data[first:end]
-    content = page - LINK_BYTES
-    start = first // content
-    part = data.reshape(-1, page)[start : -(-end // content), LINK_BYTES:].ravel()
-    return part[first - start * content : end - start * content]
+    if start[: len(MAGIC)] != MAGIC or size < SMALLEST_PAGE:
+        return 0
+    page = int.from_bytes(start[16:18], "big")
+    page = LARGEST_PAGE if page == 1 else page
+    if page < SMALLEST_PAGE or size % page:
+        return 0
+    return 0 if size // page * LINK_BYTES > MOST_RAW_BYTES else page
 
 
 def encode_links(links: Bytes) -> bytes:

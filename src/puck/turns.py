@@ -264,6 +264,11 @@ class PartWriter:
         self.parts += parts
         return images
 
+    def pass_bytes(self, part: bytes) -> bytes:
+        """Append bytes as the next part, and return them."""
+        self.parts.append(part)
+        return part
+
     def close(self, bits: BitCoder, is_complete: bool) -> None:
         """Append the part that the encoder `bits` has written."""
         del is_complete
@@ -289,6 +294,11 @@ class PartReader:
         """Decode images from the next parts, and return the images as `ImageCoder.decode` does."""
         parts = [self._reader.take(self._reader.number()) for _ in jobs]
         return coder.decode(jobs, nearest, parts)
+
+    def pass_bytes(self, part: bytes) -> bytes:
+        """Return the bytes of the next part; the argument is what an encoder appends."""
+        del part
+        return self._reader.take(self._reader.number())
 
     def close(self, bits: BitCoder, is_complete: bool) -> None:
         """Raise InputError unless the part was complete, and was read to its end."""

@@ -110,12 +110,12 @@ def turns(
     from puckbench.scene_sets.recordings import decompressed
 
     path = Path(recording)
-    if cloud_messages.has_clouds(path, topic):
-        name, (_, count) = cloud_messages.cloud_topic(path, topic)
-        for number in range(count):
-            yield cloud_messages.read_recorded_cloud(path, number, name)
-        return
     with decompressed(path) as readable:
+        if cloud_messages.has_clouds(readable, topic):
+            name, (_, count) = cloud_messages.cloud_topic(readable, topic)
+            for number in range(count):
+                yield cloud_messages.read_recorded_cloud(readable, number, name)
+            return
         recorded = read_turns(readable, stream=stream, source=path, topic=topic)
     for number in recorded.whole:
         whole = replace(recorded.returns, turns=(recorded.returns.turns[number],))

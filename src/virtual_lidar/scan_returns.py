@@ -104,8 +104,41 @@ def true_points(table: ScanTable, scan_returns: ScanReturns) -> Floats:
     scan_returns
         The same scan after `returns_of_scan`. The points are in the order of its returns.
     """
-    rows = scan_returns.rows
-    yaw, pitch = table["yaw"][rows], table["pitch"][rows]
-    level = table["distance"][rows] * np.cos(pitch)
-    height = table["distance"][rows] * np.sin(pitch)
+    return sensor_points(table)[scan_returns.rows]
+
+
+def sensor_points(table: ScanTable, distances: str = "distance") -> Floats:
+    """Return the points of a scan in sensor coordinates, (n, 3), m, each at its firing.
+
+    Parameters
+    ----------
+    table
+        The scan.
+    distances
+        Column of the distances: the true ``distance`` or the measured ``distance_noisy``.
+    """
+    yaw, pitch = table["yaw"], table["pitch"]
+    level, height = table[distances] * np.cos(pitch), table[distances] * np.sin(pitch)
     return np.column_stack([-level * np.sin(yaw), level * np.cos(yaw), height])
+
+
+def frame_poses(table: ScanTable) -> Floats | None:
+    """Return the poses of the virtual sensor at the beginnings of its frames.
+
+    Returns
+    -------
+    array or None
+        Matrices (frames, 4, 4) that transform from sensor to world coordinates, in m; None if the
+        table does not say where the sensor is.
+    """
+    if table.about.get("origin") is None or not table.about.get("sweep"):
+        return None
+    sweep = parsed(Sweep, table.about["sweep"], "the scan's sweep")
+    poses = np.tile(np.eye(4), (sweep.frames, 1, 1))
+    if sweep.trajectory is None:
+        poses[:, :3, :3] = sweep.rotations()
+    else:
+        placed = sweep.poses_during(np.arange(sweep.frames) / sweep.frames_per_second)
+        poses[:, :3, :3], poses[:, :3, 3] = placed.rotations, placed.positions
+    poses[:, :3, 3] += table.about["origin"]
+    return poses

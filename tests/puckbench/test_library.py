@@ -12,9 +12,11 @@ import pandas as pd
 import pytest
 
 import puckbench
+from puck import compress
 from puckbench.cli import main
 from puckbench.metrics.pcqm import pcqm
 from puckbench.tables.rate_deltas import bd_rate_clouds
+from tests.support import cloud_turns
 from tests.support.cloud_bags import cloud_bag
 from tests.support.codecs import decode_cloud, encode, encode_cloud
 from tests.support.pages import blocks
@@ -64,8 +66,21 @@ def test_turns_of_a_bag_of_clouds_are_the_messages_of_a_topic(tmp_path: Path) ->
     bag = cloud_bag(tmp_path / "a.mcap", {"/front": clouds, "/rear": clouds[:1]})
     turns = list(puckbench.turns(bag, topic="/front"))
     assert [turn.xyz[:, 0].tolist() for turn in turns] == [c["x"].tolist() for c in clouds]
-    with pytest.raises(puckbench.InputError, match="several topics"):
-        next(puckbench.turns(bag))
+    compress(bag, tmp_path / "small.puck")
+    same = list(puckbench.turns(tmp_path / "small.puck", topic="/front"))
+    assert all((one.xyz == other.xyz).all() for one, other in zip(turns, same, strict=True))
+    for path in (bag, tmp_path / "small.puck"):
+        with pytest.raises(puckbench.InputError, match=f"{path}: .*several topics"):
+            next(puckbench.turns(path))
+
+
+def test_clouds_of_a_compressed_bag_are_exported(tmp_path: Path) -> None:
+    bag = cloud_bag(tmp_path / "a.bag", {"/points": cloud_turns.turns(3)})
+    compress(bag, tmp_path / "a.puck")
+    for source in (bag, tmp_path / "a.puck"):
+        out = tmp_path / f"{source.suffix}.csv"
+        assert main(["export", str(source), str(out), "--turns", "1-2"]) == 0
+    assert (tmp_path / ".bag.csv").read_bytes() == (tmp_path / ".puck.csv").read_bytes()
 
 
 def test_metrics_of_points_need_no_returns(capture: Path) -> None:

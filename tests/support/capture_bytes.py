@@ -81,13 +81,15 @@ def pcap(
     magic: int = 0xA1B2C3D4,
     snap: int = 65535,
     fraction: int = 0,
+    step_us: int = 10**6,
 ) -> bytes:
-    """A pcap of frames, received 1, 2, ... s after 1970, each `fraction` ticks later."""
+    """A pcap of frames, received 1, 2, ... steps (s) after 1970, each `fraction` ticks later."""
     parts = [struct.pack(f"{order}IHHiIII", magic, 2, 4, 0, 0, snap, link)]
     more = struct.pack(f"{order}IHBB", 1, 0x0800, 0, 0) if magic == 0xA1B2CD34 else b""
     for number, data in enumerate(frames, 1):
         kept = data[:snap]
-        parts.append(struct.pack(f"{order}IIII", number, fraction, len(kept), len(data)))
+        seconds, ticks = divmod(number * step_us, 10**6)
+        parts.append(struct.pack(f"{order}IIII", seconds, ticks + fraction, len(kept), len(data)))
         parts += [more, kept]
     return b"".join(parts)
 

@@ -26,12 +26,14 @@ def cloud_bag(
     others: Mapping[str, str] | None = None,
     is_compressed: bool = False,
     frames: Sequence[str] = (),
+    compression: str | None = None,
 ) -> Path:
     """Write a bag of ROS 1 (.bag) or a file of ROS 2 (.db3, .mcap); return its path.
 
     Each topic has the messages of structured arrays (n,) or (height, width), 0.1 s apart. `others`
     are topics of text, by name. Clouds may be compressed by zlib, as point_cloud_transport does.
-    `frames` are the clouds' coordinate frames, by default "sensor".
+    `frames` are the clouds' coordinate frames, by default "sensor". `compression` is that of
+    the chunks of a ROS 1 bag (BZ2, LZ4), or what of a ROS 2 bag is compressed (STORAGE, MESSAGE).
     """
     from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
@@ -41,7 +43,7 @@ def cloud_bag(
     cloud_kind = COMPRESSED_POINT_CLOUD2 if is_compressed else POINT_CLOUD2
     serialise = types.serialize_ros1 if is_ros1 else types.serialize_cdr
     with ExitStack() as stack:
-        writer = stack.enter_context(_writer(path))
+        writer = stack.enter_context(_writer(path, compression))
         for topic, text in (others or {}).items():
             kind = "std_msgs/msg/String"
             other = writer.add_connection(topic, kind, typestore=types)
@@ -66,15 +68,21 @@ def nanoseconds(seconds: float) -> int:
     return int(seconds // 1) * 10**9 + round(seconds % 1 * 1e9)
 
 
-def _writer(path: Path) -> Any:
+def _writer(path: Path, compression: str | None) -> Any:
     from rosbags.rosbag1 import Writer as Writer1
-    from rosbags.rosbag2 import StoragePlugin
+    from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin
     from rosbags.rosbag2 import Writer as Writer2
 
     if path.suffix == ".bag":
-        return Writer1(path)
+        writer1 = Writer1(path)
+        if compression is not None:
+            writer1.set_compression(Writer1.CompressionFormat[compression])
+        return writer1
     storage = {".db3": StoragePlugin.SQLITE3, ".mcap": StoragePlugin.MCAP}[path.suffix]
-    return Writer2(path.with_suffix(".making"), version=8, storage_plugin=storage)
+    writer = Writer2(path.with_suffix(".making"), version=8, storage_plugin=storage)
+    if compression is not None:
+        writer.set_compression(CompressionMode[compression], CompressionFormat.ZSTD)
+    return writer
 
 
 def cloud_message(

@@ -135,7 +135,10 @@ def _header(profile: str, frame: int) -> bytes:
 
 
 def capture(payloads: Sequence[bytes], mtu: int = 1480) -> bytes:
-    """A packet capture of datagrams, in fragments of IP packets where they are larger."""
+    """A packet capture of datagrams, in fragments of IP packets where they are larger.
+
+    Packets of 16 columns come as fast as a sensor sends them.
+    """
     frames = []
     for number, payload in enumerate(payloads):
         whole = udp(payload, 7502, 7502)
@@ -144,7 +147,7 @@ def capture(payloads: Sequence[bytes], mtu: int = 1480) -> bytes:
             ip = bytearray(ipv4(whole[at : at + mtu], fragment=more | at // 8))
             ip[4:6] = struct.pack(">H", number)
             frames.append(ethernet(bytes(ip)))
-    return pcap(*frames)
+    return pcap(*frames, step_us=1600)
 
 
 def bag(

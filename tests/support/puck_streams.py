@@ -13,10 +13,13 @@ from numpy.typing import NDArray
 from puck import CodingOptions, compress, decode_turns, decompress, encode_turns
 from puck.recordings.packet_turns import split_turns, turn_of
 from tests.support import ouster
+from tests.support.cloud_bags import cloud_bag
+from tests.support.cloud_turns import turns
 from tests.support.spinning import DUAL, HDL32E, STRONGEST, VLP16, pcap, rows, spin
 
 _EFFORTS = ("fast", "normal", "thorough")
 _PROFILES = ("RNG15_RFL8_NIR8_DUAL", "LEGACY", "RNG19_RFL8_SIG16_NIR16_DUAL")
+_BAGS = (("bag", "LZ4"), ("bag", "BZ2"), ("db3", None), ("mcap", None))
 _KINDS = ((VLP16, STRONGEST), (VLP16, DUAL), (HDL32E, STRONGEST))
 
 
@@ -71,7 +74,31 @@ class RecordingDecoder:
             return np.frombuffer(back.read_bytes(), np.uint8).astype(np.float64)
 
 
+class BagDecoder(RecordingDecoder):
+    """Gives back the bag of clouds of a stream."""
+
+    def streams(self) -> list[bytes]:
+        """Streams of small bags: clouds with lasers and times, without, and of several rows."""
+        clouds = turns(2)
+        plain = [cloud[["x", "y", "z"]][::9] for cloud in clouds]
+        image = [cloud[:900].reshape(30, 30) for cloud in clouds]
+        topics = {"/turns": clouds, "/plain": plain, "/image": image}
+        with TemporaryDirectory() as folder:
+            small, result = Path(folder, "a.puck"), []
+            for number, (suffix, compression) in enumerate(_BAGS):
+                path = Path(folder, f"{number}.{suffix}")
+                cloud_bag(path, topics, compression=compression)
+                for effort in _EFFORTS:
+                    compress(path, small, CodingOptions(effort=effort))
+                    result.append(small.read_bytes())
+            packets = rows(spin(VLP16, STRONGEST, packets=12, rise=700))
+            path.write_bytes(path.read_bytes() + pcap(packets))
+            compress(path, small)
+            return [*result, small.read_bytes()]
+
+
 DECODERS: dict[str, Callable[[], TurnsDecoder | RecordingDecoder]] = {
     "puck": TurnsDecoder,
     "puck (recording)": RecordingDecoder,
+    "puck (bag)": BagDecoder,
 }

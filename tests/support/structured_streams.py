@@ -368,6 +368,31 @@ def puck_smoothed(streams: Sequence[bytes], random: Random) -> bytes:
     return magic + start() + b"".join(record.packed() for record in records)
 
 
+_CLOUD_KINDS = (
+    RecordKind.CLOUD_LAYOUT,
+    RecordKind.CLOUD,
+    RecordKind.PLACES,
+    RecordKind.CHUNKS,
+    RecordKind.PAYLOADS,
+)
+
+
+def bag(streams: Sequence[bytes], random: Random) -> bytes:
+    """Compressed bags whose clouds, layouts, chunks and rows have numbers at their limits."""
+    if random.random() < 0.3:
+        return recording(streams, random)
+    result: list[Record] = []
+    for record in _records(streams, random):
+        if record.kind in _CLOUD_KINDS and random.random() < 0.3:
+            body, at = record.body, int(random.integers(min(len(record.body), 32)))
+            number = base_128(limit(random, 32)) if random.random() < 0.7 else _filling(random)
+            body = body[:at] + number + body[at + int(random.integers(4)) :]
+            result += [Record(record.kind, body)] * int(random.choice([0, 1, 1, 3, 100]))
+        else:
+            result.append(record)
+    return start() + b"".join(record.packed() for record in result)
+
+
 def _records(streams: Sequence[bytes], random: Random) -> list[Record]:
     """The records of a whole stream."""
     stream = streams[random.integers(len(streams))]
@@ -573,6 +598,7 @@ WRITERS: dict[str, Callable[[Sequence[bytes], Random], bytes]] = {
     "puck": puck,
     "puck_smoothed": puck_smoothed,
     "puck (recording)": recording,
+    "puck (bag)": bag,
     "draco": draco,
     "draco_sequential": draco,
     "laz": laz,

@@ -83,7 +83,8 @@ rule measure_drive:
     input:
         unpack(measure_drive.inputs),
     output:
-        f"{RESULTS}/drive_tasks/{{drives}}/{{drive}}/{{codec}}.parquet",
+        rows=f"{RESULTS}/drive_tasks/{{drives}}/{{drive}}/{{codec}}.parquet",
+        trajectories=directory(f"{RESULTS}/trajectories/{{drives}}/{{drive}}/{{codec}}"),
     log:
         measure_drive.log,
     conda:
@@ -98,8 +99,8 @@ rule measure_drive:
         timed=TIMED,
     shell:
         "{params.timed} python -m puckbench.steps measure_drive {params.settings}"
-        " drive={input.drive:q} curve={input.curve:q} rows={output:q}"
-        " --key={params.key} > {log:q} 2>&1"
+        " drive={input.drive:q} curve={input.curve:q} rows={output.rows:q}"
+        " trajectories={output.trajectories:q} --key={params.key} > {log:q} 2>&1"
 
 
 measure_undecoded = rules_of("measure_undecoded", "drive_tasks/{drives}/{drive}/undecoded")
@@ -109,7 +110,8 @@ rule measure_undecoded:
     input:
         unpack(measure_undecoded.inputs),
     output:
-        f"{RESULTS}/drive_tasks/{{drives}}/{{drive}}/undecoded.parquet",
+        rows=f"{RESULTS}/drive_tasks/{{drives}}/{{drive}}/undecoded.parquet",
+        trajectories=directory(f"{RESULTS}/trajectories/{{drives}}/{{drive}}/undecoded"),
     log:
         measure_undecoded.log,
     conda:
@@ -122,4 +124,4 @@ rule measure_undecoded:
         key=measure_undecoded.key,
     shell:
         "python -m puckbench.steps measure_undecoded {params.settings} drive={input.drive:q}"
-        " rows={output:q} --key={params.key} > {log:q} 2>&1"
+        " rows={output.rows:q} trajectories={output.trajectories:q} --key={params.key} > {log:q} 2>&1"

@@ -15,7 +15,19 @@ _WINDOW_LOG = 27
 """Log2 of the window of long-distance matches, in bytes; decoders' default maximum."""
 
 
-def compressed(data: bytes, level: int = 19, long: bool = False) -> bytes:
+def version() -> str:
+    """Return the version of the library Zstandard, on which the bytes of frames depend."""
+    return zstd.zstd_version
+
+
+def compressed(
+    data: bytes,
+    level: int = 19,
+    long: bool = False,
+    *,
+    has_checksum: bool = False,
+    has_size: bool = True,
+) -> bytes:
     """Return data compressed as one Zstandard frame.
 
     Parameters
@@ -26,8 +38,14 @@ def compressed(data: bytes, level: int = 19, long: bool = False) -> bytes:
         Compression level of Zstandard, up to 22.
     long
         Whether repetitions are found at distances of up to 128 MiB.
+    has_checksum, has_size
+        Whether the frame states a checksum, and the number of bytes of its content.
     """
-    options: dict[int, int] = {zstd.CompressionParameter.compression_level: level}
+    options: dict[int, int] = {
+        zstd.CompressionParameter.compression_level: level,
+        zstd.CompressionParameter.checksum_flag: has_checksum,
+        zstd.CompressionParameter.content_size_flag: has_size,
+    }
     if long:
         options[zstd.CompressionParameter.enable_long_distance_matching] = 1
         options[zstd.CompressionParameter.window_log] = _WINDOW_LOG

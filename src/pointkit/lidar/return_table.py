@@ -21,7 +21,7 @@ UNKNOWN = -1
 
 RETURN_COLUMNS: ColumnSpecs = {
     "timestamp": ("<f8", "s", "time of firing since the first packet, by the sensor's clock"),
-    "turn": ("<i4", "", "turn of the sensor, from 0; a turn begins at azimuth 0"),
+    "turn": ("<i4", "", "turn of the sensor, from 0; begins with the packet that passes azimuth 0"),
     "laser_id": ("<i2", "", "laser, from 0"),
     "return_kind": ("<i2", "", "0 strongest, 1 last, 2 both"),
     "azimuth": ("<f8", "rad", "clockwise from forward (y) seen from above, at the firing"),

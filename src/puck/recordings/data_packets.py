@@ -17,7 +17,6 @@ from numpy.typing import NDArray
 from pointkit.errors import InputError
 from puck.recordings.ouster import is_size_of_packets, sensor_beside
 from puck.recordings.ouster_logs import ouster_log
-from puck.recordings.packet_order import in_order
 from puck.recordings.packet_turns import SENSORS, is_whole, kind_codes
 from puck.recordings.packets import (
     BANK_FLAGS,
@@ -135,7 +134,7 @@ def ouster_packets(
 def whole_packets(
     payloads: Sequence[bytes], received: Sequence[float], about: dict[str, Any]
 ) -> PacketLog:
-    """Return the undamaged packets among payloads, without repeated ones, in the sensor's order.
+    """Return the undamaged packets among payloads, without repeated ones.
 
     Parameters
     ----------
@@ -144,7 +143,7 @@ def whole_packets(
     received
         Times of reception, in seconds.
     about
-        Facts about the recording. In the result, counts of payloads left out or sorted are added.
+        Facts about the recording. In the result, counts of payloads left out are added.
     """
     first: dict[bytes, float] = {}
     for payload, time in zip(payloads, received, strict=True):
@@ -163,7 +162,7 @@ def whole_packets(
     counted = {**about, **{name: count for name, count in counts.items() if count}}
     if not is_data.all():
         log = PacketLog(log.payloads[is_data], log.received[is_data])
-    return in_order(replace(log, about=counted))
+    return replace(log, about=counted)
 
 
 def log_left_out(path: Path, about: Mapping[str, Any]) -> None:

@@ -34,6 +34,8 @@ _COARSE_PHOTONS = 16
 """Unit of near infrared light in fields of 8 bits."""
 _OSF_MAGIC, _OSF_MAGIC_AT = b"OSF$", 8
 _LASERS = (16, 32, 64, 128)
+_MOST_LATE = 16
+"""Most revolutions by which the counter of revolutions falls unless the sensor starts anew."""
 _COLUMNS_PER_PACKET, _USUAL_COLUMNS = range(1, 129), 16
 """Allowed numbers of columns in a packet, and the usual number."""
 _HALF_TURN = (-1.0, 0.0, 0.0, 0.0, 0.0, -1.0, 0.0, 0.0, 0.0, 0.0, 1.0)
@@ -169,8 +171,8 @@ class OusterSensor:
     """An Ouster sensor, and the format of its packets.
 
     `columns` is the number of columns in a revolution. `whole` is the number of columns in the
-    azimuth window in which the sensor measures; a complete turn contains all of these. `assumed`
-    says which of the offsets are the SDK's defaults, since the metadata lack them.
+    azimuth window in which the sensor measures, and `first_column` the number of the first one.
+    `assumed` says which of the offsets are the SDK's defaults, since the metadata lack them.
     """
 
     name: str
@@ -184,6 +186,7 @@ class OusterSensor:
     azimuths_deg: tuple[float, ...]
     radial_mm: float
     height_mm: float
+    first_column: int = 0
     assumed: tuple[str, ...] = ()
 
     @property
@@ -347,6 +350,7 @@ def _sensor(document: Mapping[str, Any]) -> OusterSensor:
         azimuths_deg=_floats(values["beam_azimuth_angles"]),
         radial_mm=float(radial),
         height_mm=to_lidar[11] + to_sensor[11],
+        first_column=int(first),
         assumed=tuple(assumed),
     )
     lasers = {len(elevations), len(sensor.azimuths_deg)}
@@ -384,7 +388,8 @@ def serial_of(sensor: OusterSensor, payload: bytes) -> int | None:
 class OusterTurns(NamedTuple):
     """Revolutions of an Ouster sensor.
 
-    `whole` is the range of indices from the first to the last complete revolution in `returns`.
+    `whole` is the range of indices of the revolutions in `returns` that are not cut off: all but
+    the first and the last, and those two if they contain the window's first and last column.
     """
 
     returns: Returns
@@ -410,8 +415,10 @@ def ouster_turns(sensor: OusterSensor, payloads: NDArray[np.uint8]) -> OusterTur
     """
     profile, parts = PROFILES[sensor.profile], columns_of_turns(sensor, payloads)
     turns = tuple(turn_of_columns(profile, part, sensor.columns) for part in parts)
-    complete = [k for k, part in enumerate(parts) if len(part) >= sensor.whole]
-    whole = range(complete[0], complete[-1] + 1) if complete else range(0)
+    whole = range(0)
+    if parts:
+        first, last = (window_places(sensor, parts[k]["column"]) for k in (0, -1))
+        whole = range(int(first.min() > 0), len(parts) - int(last.max() < sensor.whole - 1))
     offset = -sensor.radial_mm / 1000
     returns = Returns(sensor.beams, sensor.layout, turns, profile.quantum_m, sensor.name, offset)
     return OusterTurns(returns, whole)
@@ -444,6 +451,39 @@ def numbered_columns(
     return frames[is_data], columns[is_data]
 
 
+def window_places(sensor: OusterSensor, numbers: NDArray[np.uint16]) -> NDArray[np.int64]:
+    """Return the places of columns among those of the azimuth window, in the order of a revolution.
+
+    Parameters
+    ----------
+    sensor
+        The sensor.
+    numbers
+        Numbers of columns in the window, (c,).
+
+    Returns
+    -------
+    array (c,)
+        Places, from 0 to `OusterSensor.whole` - 1.
+    """
+    columns = numbers.astype(np.int64)
+    if sensor.first_column + sensor.whole <= sensor.columns:
+        return columns - sensor.first_column
+    return columns - (sensor.columns - sensor.whole) * (columns >= sensor.first_column)
+
+
+def packet_times(packets: NDArray[Any]) -> NDArray[np.int64]:
+    """Return the time (p,) of each packet's first column that contains data, in ns.
+
+    A packet without data has the time of the packet before.
+    """
+    columns = packets["columns"]
+    is_data = columns["status"] & 1 == 1
+    rows = np.arange(len(columns))
+    times: NDArray[np.int64] = columns["time"][rows, is_data.argmax(axis=1)].astype(np.int64)
+    return times[np.maximum.accumulate(np.where(is_data.any(axis=1), rows, 0))]
+
+
 def frame_numbers(packets: NDArray[Any]) -> NDArray[np.int64]:
     """Return each packet's counter of revolutions (p,), which wraps around."""
     is_legacy = "frame" not in (packets.dtype.names or ())
@@ -455,7 +495,7 @@ def _frames(sensor: OusterSensor, packets: NDArray[Any]) -> NDArray[np.int64]:
     counters = frame_numbers(packets)
     half = 1 << (31 if sensor.is_fusa else 15)
     steps = (np.diff(counters, prepend=counters[:1]) + half) % (2 * half) - half
-    return np.cumsum(steps)
+    return np.cumsum(np.where(steps < -_MOST_LATE, 1, steps))
 
 
 def turn_of_columns(profile: Profile, columns: NDArray[Any], steps: int) -> Turn:

@@ -1,7 +1,8 @@
-"""Sorting of data packets, and warnings of packets that are late or lost, and of leaps.
+"""Sorting of data packets, warnings of packets that are late or lost, and of leaps.
 
 A sensor sends packets at equal intervals of its clock, and its azimuth rises at one rate. A leap is
-a sudden change of the clock or of the azimuth.
+a sudden change of the clock or of the azimuth. Clocks leap when GPS or PTP sets them; the sensor
+measures on meanwhile, so that its times must go on without the leap.
 """
 
 from __future__ import annotations
@@ -18,11 +19,18 @@ from pointkit.errors import InputError
 from pointkit.geometry.cloud import Floats
 from pointkit.lidar.returns import HOUR_US
 from pointkit.lidar.turns import CENTIDEGREES, clock_steps
-from puck.recordings.ouster import OusterSensor, numbered_columns
+from puck.recordings.ouster import (
+    OusterSensor,
+    numbered_columns,
+    packet_times,
+    window_places,
+)
 from puck.recordings.packets import PACKET, PacketLog
 
 _LEAP_US = 5e5
 """Smallest step of a clock, in us, that is a leap. Later packets are not sorted."""
+_MOST_PLACES = 1 << 13
+"""Maximum number of places by which a packet is moved. No sensor sends more packets in 0.5 s."""
 _FEWEST_STEPS = 15
 """Least number of steps between packets from which the usual step is estimated."""
 _MOST_USUAL, _MOST_OFF = 1.5, 0.5
@@ -37,22 +45,89 @@ The limit is a share of the step. Below it, a large step is a pause, not a leap.
 """
 
 
+def packet_steps(payloads: NDArray[np.uint8], packet: np.dtype[Any]) -> Floats:
+    """Return the steps of the sensor's clock between packets, (p - 1,), in us.
+
+    Parameters
+    ----------
+    payloads
+        Packets of one sensor, (p, bytes).
+    packet
+        Structure of a packet: `PACKET` of a Velodyne, or that of an Ouster.
+    """
+    packets = payloads.view(packet)[:, 0]
+    if packet == PACKET:
+        return clock_steps(packets["time_us"].astype(np.float64), HOUR_US)
+    return np.diff(packet_times(packets)) / 1000
+
+
+def sorted_rows(steps_us: Floats) -> NDArray[np.intp] | None:
+    """Return the order of packets by the sensor's clock, which is kept where the clock leaps.
+
+    Parameters
+    ----------
+    steps_us
+        Steps of the clock between successive packets, (p - 1,), in us.
+
+    Returns
+    -------
+    array (p,) or None
+        Indices of the packets in the order of the clock; None if the packets are in this order, or
+        so far from it that the clock is none, as when few packets are sent again and again.
+    """
+    is_leap = np.abs(steps_us) >= _LEAP_US
+    if not ((steps_us < 0) & ~is_leap).any():
+        return None
+    elapsed, leaps = (np.append(0, np.cumsum(each)) for each in (steps_us, is_leap))
+    rows = np.lexsort((elapsed, leaps))
+    return rows if np.abs(rows - np.arange(len(rows))).max() <= _MOST_PLACES else None
+
+
+def is_regular(log: PacketLog) -> bool:
+    """Return whether the clock never falls, and has no step that may be a leap."""
+    steps = _clock_steps(log)
+    return bool(((steps >= 0) & (steps < _LEAP_US)).all())
+
+
 def in_order(log: PacketLog) -> PacketLog:
-    """Return a Velodyne's packets sorted by the sensor's clock, except where the clock leaps.
+    """Return packets sorted by the sensor's clock, except where the clock leaps.
 
     The result's `about` counts the packets that were late.
     """
-    steps = clock_steps(_clock_us(log), HOUR_US)
-    is_leap = np.abs(steps) >= _LEAP_US
-    late = int(((steps < 0) & ~is_leap).sum())
-    if not late:
+    steps = _clock_steps(log)
+    rows = sorted_rows(steps)
+    if rows is None:
         return log
-    elapsed, leaps = (np.append(0, np.cumsum(each)) for each in (steps, is_leap))
-    rows = np.lexsort((elapsed, leaps))
+    late = int(((steps < 0) & (steps > -_LEAP_US)).sum())
     payloads, received = log.payloads[rows], log.received[rows]
     return replace(
         log, payloads=payloads, received=received, about={**log.about, "late_packets": late}
     )
+
+
+def without_leaps(log: PacketLog) -> PacketLog:
+    """Return packets whose clock does not leap.
+
+    Where it leaps, the time between two packets becomes the time between their receptions or, if
+    this is not plausible, the usual time. The largest clock is kept, and the others are put
+    forward.
+    """
+    steps, is_leap = _steps_and_leaps(log)
+    if not is_leap.any():
+        return log
+    is_usual = (steps > 0) & ~is_leap
+    usual = float(np.median(steps[is_usual])) if is_usual.any() else 0.0
+    apart_us = np.diff(log.received) * 1e6
+    run_on = np.where((apart_us > usual) & (apart_us < _LEAP_US), apart_us, usual)
+    leapt = np.append(0, np.cumsum(np.where(is_leap, steps - run_on, 0)))
+    forward_us = np.rint(leapt.max() - leapt).astype(np.int64)
+    payloads = log.payloads.copy()
+    packets = _viewed(replace(log, payloads=payloads))
+    if log.sensor is None:
+        packets["time_us"] = (packets["time_us"].astype(np.int64) + forward_us) % HOUR_US
+    else:
+        packets["columns"]["time"] += 1000 * forward_us[:, None].astype(np.uint64)
+    return replace(log, payloads=payloads)
 
 
 def tell_irregularities(source: Path, log: PacketLog) -> None:
@@ -62,8 +137,9 @@ def tell_irregularities(source: Path, log: PacketLog) -> None:
     """
     told = []
     if late := log.about.get("late_packets"):
-        told.append(f"sorted by the sensor's clock, as {late:,} packets are late")
-    told += _of_velodyne(log) if log.sensor is None else _of_ouster(log.sensor, log.payloads)
+        are_late = f"{late:,} packets are" if late > 1 else "1 packet is"
+        told.append(f"sorted by the sensor's clock, as {are_late} late")
+    told += _of_velodyne(log) if log.sensor is None else _of_ouster(log.sensor, log)
     back = np.diff(log.received) * 1e6 <= -_LEAP_US
     if back.any():
         told.append(f"times of reception go back ({_first(back, len(log))})")
@@ -72,24 +148,18 @@ def tell_irregularities(source: Path, log: PacketLog) -> None:
 
 
 def _of_velodyne(log: PacketLog) -> list[str]:
-    steps = clock_steps(_clock_us(log), HOUR_US)
+    steps, is_leap = _steps_and_leaps(log)
     if len(steps) < _FEWEST_STEPS:
         return []
     if not steps.any():
         return ["the sensor's clock stands still: points have no times"]
     usual = float(np.median(steps[steps > 0]))
-    apart_us = np.diff(log.received) * 1e6
-    is_pause = np.abs(apart_us - steps) < _RECEIVED_ALIKE * np.abs(steps)
-    is_leap = (np.abs(steps) >= _LEAP_US) & ~is_pause
     is_gap = (steps > _MOST_USUAL * usual) & ~is_leap
     lost = int((np.rint(steps[is_gap] / usual) - 1).sum())
     told = []
     if lost:
         told.append(f"about {lost:,} packets are lost ({_first(is_gap, len(steps) + 1)})")
-    if is_leap.any():
-        leap_s = steps[np.argmax(is_leap)] * 1e-6
-        told.append(f"the sensor's clock leaps ({_first(is_leap, len(steps) + 1)}: {leap_s:.6g} s)")
-    return [*told, *_of_rotation(log, steps, usual)]
+    return [*told, *_of_leaps(steps, is_leap), *_of_rotation(log, steps, usual)]
 
 
 def _of_rotation(log: PacketLog, steps: Floats, usual: float) -> list[str]:
@@ -115,23 +185,25 @@ def _of_rotation(log: PacketLog, steps: Floats, usual: float) -> list[str]:
     ]
 
 
-def _of_ouster(sensor: OusterSensor, payloads: NDArray[np.uint8]) -> list[str]:
-    frames, columns = numbered_columns(sensor, payloads)
-    if not len(frames):
-        return []
-    keys, rows = np.unique(frames * sensor.columns + columns["column"], return_index=True)
-    told = []
-    if repeated := len(frames) - len(keys):
+def _of_ouster(sensor: OusterSensor, log: PacketLog) -> list[str]:
+    frames, columns = numbered_columns(sensor, log.payloads)
+    places = window_places(sensor, columns["column"])
+    is_in_window = (places >= 0) & (places < sensor.whole)
+    places = (frames * sensor.whole + places)[is_in_window]
+    present, told = np.unique(places), list[str]()
+    if repeated := len(places) - len(present):
         told.append(f"left out {repeated:,} columns that repeat one before")
-    numbers, counts = np.unique(keys // sensor.columns, return_counts=True)
-    lacking = np.maximum(sensor.whole - counts[1:-1], 0)
-    if lost := int(lacking.sum() + sensor.whole * (np.diff(numbers) - 1).sum()):
-        told.append(f"{lost:,} columns are lost within {int(numbers[-1] - numbers[0] + 1)} turns")
-    steps_s = np.diff(columns["time"][rows].astype(np.int64)) * 1e-9
-    is_leap = (np.abs(steps_s) >= _LEAP_US * 1e-6) & (np.diff(keys // sensor.columns) <= 1)
-    if is_leap.any():
-        told.append(f"the sensor's clock leaps by {steps_s[np.argmax(is_leap)]:.6g} s")
-    return told
+    if lost := int(np.ptp(present)) + 1 - len(present) if len(present) else 0:
+        turns = int(frames.max() - frames.min()) + 1
+        told.append(f"{lost:,} columns are lost within {turns:,} turn{'s' * (turns > 1)}")
+    return [*told, *_of_leaps(*_steps_and_leaps(log))]
+
+
+def _of_leaps(steps: Floats, is_leap: NDArray[np.bool_]) -> list[str]:
+    if not is_leap.any():
+        return []
+    leap = f"{_first(is_leap, len(steps) + 1)}: {steps[np.argmax(is_leap)] * 1e-6:.6g} s"
+    return [f"the sensor's clock leaps ({leap}); times go on without the leap"]
 
 
 def _first(rows: NDArray[np.bool_], packets: int) -> str:
@@ -140,8 +212,16 @@ def _first(rows: NDArray[np.bool_], packets: int) -> str:
 
 
 def _viewed(log: PacketLog) -> NDArray[Any]:
-    return np.ascontiguousarray(log.payloads).view(PACKET)[:, 0]
+    return log.payloads.view(log.sensor.packet if log.sensor else PACKET)[:, 0]
 
 
-def _clock_us(log: PacketLog) -> Floats:
-    return _viewed(log)["time_us"].astype(np.float64)
+def _steps_and_leaps(log: PacketLog) -> tuple[Floats, NDArray[np.bool_]]:
+    """Return the steps of the clock between packets, in us, and which of them are leaps."""
+    steps = _clock_steps(log)
+    apart_us = np.diff(log.received) * 1e6
+    is_pause = np.abs(apart_us - steps) < _RECEIVED_ALIKE * np.abs(steps)
+    return steps, (np.abs(steps) >= _LEAP_US) & ~is_pause
+
+
+def _clock_steps(log: PacketLog) -> Floats:
+    return packet_steps(log.payloads, log.sensor.packet if log.sensor else PACKET)

@@ -326,8 +326,8 @@ def decode_packets(payloads: Payloads, sensor: Sensor | None = None) -> ReturnTa
     Returns
     -------
     ReturnTable
-        The returns. A new turn number begins where the azimuth passes 0. The attribute ``about``
-        tells sensor, return mode and number of packets.
+        The returns, with the number of the revolution as turn. The attribute ``about`` tells
+        sensor, return mode and number of packets.
     """
     returns = returns_of_packets(payloads, sensor)
     product, number = kind_codes(payloads[:1])[0].tolist()
@@ -335,22 +335,7 @@ def decode_packets(payloads: Payloads, sensor: Sensor | None = None) -> ReturnTa
     table = return_table_of(returns, device.firing_sequence_us or 0.0)
     if mode == "last":
         table["return_kind"][:] = LAST
-    table["turn"][:] = _turn_numbers(returns)
     return replace(table, about={**table.about, "returns": mode, "packets": len(payloads)})
-
-
-def _turn_numbers(returns: Returns) -> NDArray[np.int32]:
-    passed, previous = 0, 0
-    numbers: list[NDArray[np.int64]] = []
-    for turn in returns.turns:
-        columns, lasers, _ = returns.indices(turn)
-        azimuths = turn.azimuths.astype(np.int64)
-        falls = np.diff(azimuths, prepend=previous if numbers else azimuths[:1]) < -CENTIDEGREES / 2
-        blocks = passed + np.cumsum(falls)
-        over = returns.column_azimuths(turn)[columns, lasers] >= 2 * np.pi
-        numbers.append(blocks[columns // returns.layout.columns_per_block] + over)
-        passed, previous = int(blocks[-1]), int(azimuths[-1])
-    return np.concatenate(numbers).astype(np.int32)
 
 
 def packets_of(kind: PacketKind, turn: Turn, rest: Payloads | None = None) -> Payloads:

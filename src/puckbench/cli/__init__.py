@@ -50,7 +50,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
             print_answer(answer)
         elif answer is not None:
             text = json.dumps(answer, allow_nan=False) if options.json else text_of(answer)
-            print_answer(text)
+            print_answer(text, getattr(options, "out", None))
     except InputError as error:
         return _fail(str(error))
     except KeyboardInterrupt:

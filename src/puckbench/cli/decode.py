@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from cloud_files.clouds import wide_colours, write_cloud
 from cloud_files.content import plain_suffix
+from cloud_files.las import refuse_copc, wide_colours_of
 from cloud_files.las_rewriting import rewrite_las
 from cloud_files.meshes import write_mesh
 from cloud_files.point_columns import WIDE_COLOURS
@@ -25,6 +26,8 @@ from puckbench.codecs.rates import find_rate
 from puckbench.codecs.registry import codec_class, is_codec
 from puckbench.geometry.attributes import REFLECTANCE, attributes_of, reflectance_field
 from puckbench.geometry.matching import Match, farthest, match_points
+from puckbench.recordings.cloud_export import export_cloud, with_fields_of_returns
+from puckbench.recordings.export import OF_POINTS
 from puckbench.results.curves import Coded, read_coded
 from puckbench.steps.coding import decoded_cloud
 
@@ -35,7 +38,11 @@ _log = logging.getLogger(__name__)
 def arguments(parser: argparse.ArgumentParser) -> None:
     add = parser.add_argument
     add("stream", type=Path, help="stream to decode")
-    add("out", type=Path, help="PLY file to write (LAS or LAZ if --like names such a file)")
+    text = (
+        ".ply, .pcd, .las, .laz, .csv or .bin (KITTI); with ring, time and intensity if the stream "
+        "tells them"
+    )
+    add("out", type=Path, help=text)
     text = "write the surface instead of points, if the stream has one"
     add("--as-mesh", action="store_true", help=text)
     text = (
@@ -55,8 +62,7 @@ def run(options: argparse.Namespace) -> dict[str, Any]:
         return _mesh(options)
     stream, out, timing = options.stream, options.out, timing_of(options)
     prepared, original = read_models(tuple(options.like))
-    if out.suffix.lower() in _LAS and not (original and plain_suffix(original.path) in _LAS):
-        raise InputError(f"{out}: name it .ply, or name the original LAS file (--like)")
+    refuse_copc(out)
     with naming(stream):
         coded = read_coded(stream, options.rate)
         codec = decoder_of(options, coded)
@@ -65,19 +71,28 @@ def run(options: argparse.Namespace) -> dict[str, Any]:
     if prepared:
         check_place(cloud.xyz, prepared.cloud.xyz, f"{stream}: not coded from {prepared.path}")
         cloud = replace(cloud, xyz=prepared.cloud.to_metres(cloud.xyz))
+    cloud = with_fields_of_returns(cloud)
     if not original:
-        write_cloud(out, cloud)
+        _write(out, cloud)
         return result.record
     with naming(stream):
         match = _match(cloud.xyz, prepared, original, _reach(codec, coded))
-    if out.suffix.lower() in _LAS:
-        rewrite_las(out, original.path, cloud.xyz, match.rows, original.factor)
+    if {out.suffix.lower(), plain_suffix(original.path)} <= {*_LAS}:
+        replaced = _las_dimensions(cloud, original, match.rows)
+        rewrite_las(out, original.path, cloud.xyz, match.rows, original.factor, replaced)
     else:
-        write_cloud(out, _with_attributes(cloud, original, match.rows))
+        _write(out, _with_attributes(cloud, original, match.rows))
     lost = {"attributes_lost": match.unused, "attributes_0": match.unmatched}
     if any(lost.values()):
         _log.warning("%s: %s", out, _loss(match, len(original.cloud)))
     return {**result.record, "attributes_by": match.by, **lost}
+
+
+def _write(out: Path, cloud: PointCloud) -> None:
+    if out.suffix.lower() in OF_POINTS[1:]:
+        export_cloud(out, cloud)
+    else:
+        write_cloud(out, cloud)
 
 
 def _reach(codec: Codec, coded: Coded) -> float | None:
@@ -134,10 +149,35 @@ def _with_attributes(decoded: PointCloud, original: Model, rows: NDArray[np.int6
             values[rows < 0] = 0
     if decoded.colours is not None:
         colours = _as_wide(decoded.colours, picked.colours, colours)
+    fields = {**decoded.fields, **picked.fields}
     if (reflectances := attributes_of(decoded).get(REFLECTANCE)) is not None:
-        name = reflectance_field(original.cloud) or REFLECTANCE
-        picked = replace(picked, fields={**picked.fields, name: reflectances})
-    return replace(picked, xyz=decoded.xyz, colours=colours, about=decoded.about)
+        names = reflectance_field(original.cloud), reflectance_field(decoded)
+        fields.pop(names[1] or REFLECTANCE, None)
+        fields[names[0] or names[1] or REFLECTANCE] = reflectances
+    return replace(picked, xyz=decoded.xyz, colours=colours, about=decoded.about, fields=fields)
+
+
+def _las_dimensions(
+    decoded: PointCloud, original: Model, rows: NDArray[np.int64]
+) -> dict[str, NDArray[Any]]:
+    """Return dimensions of a LAS file that the stream holds, and for which it replaces others.
+
+    Rings and times are written only if those of the original file are all 0.
+    """
+    cloud = _with_attributes(decoded, original, rows)
+    names = {"user_data": "ring", "gps_time": "time"}
+    dimensions = {
+        name: decoded.fields[field]
+        for name, field in names.items()
+        if field in decoded.fields and name not in original.cloud.fields
+    }
+    if decoded.colours is not None and cloud.colours is not None:
+        narrow = original.cloud.colours is not None and wide_colours(original.path) is None
+        colours = cloud.colours if narrow else wide_colours_of(cloud.colours)
+        dimensions |= dict(zip(("red", "green", "blue"), colours.T, strict=True))
+    if (reflectances := attributes_of(decoded).get(REFLECTANCE)) is not None:
+        dimensions["intensity"] = reflectances
+    return dimensions
 
 
 def _as_wide(

@@ -1,22 +1,40 @@
 from __future__ import annotations
 
 import argparse
+from collections.abc import Iterable
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from pointkit.errors import InputError
 from puckbench.cli.capture import STREAM, TOPIC, add_time_unit
 from puckbench.cli.types import refuse, turns
 
+if TYPE_CHECKING:
+    from pointkit.lidar.returns import Returns
+
+_FORMATS = ("ply", "pcd", "csv", "las", "laz", "bin")
+
 
 def arguments(parser: argparse.ArgumentParser) -> None:
     add = parser.add_argument
-    text = "recording (.pcap, .puck, ROS bag), or table (.parquet) of turns, a scan or a capture"
+    text = (
+        "recording (.pcap, .puck, ROS bag), table (.parquet) of turns, a scan or a capture, or "
+        "cloud (PLY, PCD, LAS, E57, ...)"
+    )
     add("source", type=Path, help=text)
-    text = ".ply, .pcd, .csv, .las, .laz, .bin (KITTI, intensity 0 to 1); of scans also .evd, .pcap"
+    text = (
+        ".ply, .pcd, .csv, .las, .laz, .bin (KITTI, intensity 0 to 1); of scans also .evd, .pcap; "
+        "with --format a new folder"
+    )
     add("out", type=Path, help=text)
     text = (
-        "turns of a recording (default: the first whole turn), in metres in the sensor's frame, "
+        "write a folder with a file for each turn or message, in the sensor's frame, and times.txt "
+        "(when each begins, in s); of scans also poses.txt"
+    )
+    add("--format", choices=_FORMATS, help=text)
+    text = (
+        "turns of a recording (default: the first whole turn, or with --format all whole turns), "
+        "in metres in the sensor's frame, "
         "with intensity, ring (0 is the lowest) and time in s; of a bag's clouds, messages from 0, "
         "in the frame and with the values of the messages"
     )
@@ -28,29 +46,120 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(options: argparse.Namespace) -> dict[str, Any]:
+    from cloud_files.clouds import SUFFIXES
+    from cloud_files.content import plain_suffix
     from pointkit.column_tables import is_table_of
     from pointkit.lidar.returns import FiringTable
     from puck.recordings.pcap import refuse_stream
     from puckbench.recordings.cloud_messages import has_clouds
     from puckbench.recordings.export import export, export_points, read_source
     from puckbench.recordings.message_returns import read_message_columns
+    from puckbench.scene_sets.recordings import decompressed, holds_clouds
     from puckbench.scene_sets.selected_turns import is_recording, read_selected_turns
 
     source, out, selection = options.source, options.out, turns(options.turns)
-    if is_recording(source) and has_clouds(source, options.topic):
+    has_messages = is_recording(source) and (
+        holds_clouds(source) or has_clouds(source, options.topic)
+    )
+    if has_messages:
         refuse_stream(options.stream)
         refuse(options, {"clean": False}, f"is for scans ({source})")
+    elif options.time_unit:
+        raise InputError(f"{source}: --time-unit is for clouds of ROS bags")
+    if options.format:
+        return _frames(options, selection, has_messages)
+    if not out.suffix:
+        raise InputError(f"{out}: give it a suffix, or name the format of a folder's files")
+    if has_messages:
         first, last = selection or (0, 0)
         unit = options.time_unit
-        columns = read_message_columns(source, options.topic, (first, last), unit)
+        with decompressed(source) as bag:
+            columns = read_message_columns(bag, options.topic, (first, last), unit)
         return {**export_points(out, columns), "messages": last - first + 1}
-    if options.time_unit:
-        raise InputError(f"{source}: --time-unit is for clouds of ROS bags")
     if is_recording(source) or is_table_of(source, FiringTable):
         returns, left_out = read_selected_turns(source, selection, options.stream, options.topic)
         about = {"turns": len(returns.turns), "sensor": returns.sensor, **left_out}
         return {**export(out, returns, options.clean), **about}
-    for option in ("turns", "stream", "topic"):
-        if getattr(options, option) is not None:
-            raise InputError(f"{source}: --{option} is for recordings")
-    return export(out, read_source(source), options.clean)
+    _refuse_selection(options, "turns", "stream", "topic")
+    if plain_suffix(source) not in SUFFIXES:
+        return export(out, read_source(source), options.clean)
+    from puckbench.recordings.cloud_export import export_file
+
+    refuse(options, {"clean": False}, f"is for scans ({source})")
+    return export_file(out, source)
+
+
+def _refuse_selection(options: argparse.Namespace, *names: str) -> None:
+    for name in names:
+        if getattr(options, name) is not None:
+            raise InputError(f"{options.source}: --{name} is for recordings")
+
+
+def _frames(
+    options: argparse.Namespace, selection: tuple[int, int] | None, has_messages: bool
+) -> dict[str, Any]:
+    """Write a folder of frames; return what the command answers."""
+    from pointkit.column_tables import is_table_of
+    from pointkit.lidar.return_table import ReturnTable, read_return_table
+    from pointkit.lidar.returns import FiringTable
+    from puckbench.recordings import frames
+    from puckbench.recordings.cloud_messages import cloud_topic
+    from puckbench.recordings.message_returns import iterate_messages
+    from puckbench.recordings.table_turns import whole_turns
+    from puckbench.scene_sets.recordings import decompressed
+    from puckbench.scene_sets.selected_turns import is_recording
+    from virtual_lidar.scan_table import read_scan
+
+    source, out, about = options.source, options.out, dict[str, Any]()
+    if has_messages:
+        with decompressed(source) as bag:
+            found = iterate_messages(bag, options.topic, selection, options.time_unit)
+            first, last = selection or (0, cloud_topic(bag, options.topic)[1].messages - 1)
+            messages = (frames.Frame(*each) for each in found)
+            return frames.write_frames(out, options.format, messages, last - first + 1)
+    made: Iterable[frames.Frame]
+    if is_recording(source) or is_table_of(source, FiringTable):
+        refuse(options, {"clean": False}, f"is for scans ({source})")
+        returns, numbers, about = _turns(options, selection)
+        made, count = frames.frames_of_returns(returns, numbers), len(numbers)
+    elif is_table_of(source, ReturnTable):
+        refuse(options, {"clean": False}, f"is for scans ({source})")
+        _refuse_selection(options, "turns", "stream", "topic")
+        table = read_return_table(source)
+        made, count = frames.frames_of_table(table), len(whole_turns(table))
+    elif source.suffix.lower() == ".parquet":
+        _refuse_selection(options, "turns", "stream", "topic")
+        scan = read_scan(source)
+        made, count = frames.frames_of_scan(scan, options.clean), int(scan["frame"].max() + 1)
+    else:
+        raise InputError(f"{source}: no recording or table of turns, of which there are frames")
+    return {**frames.write_frames(out, options.format, made, count), **about}
+
+
+def _turns(
+    options: argparse.Namespace, selection: tuple[int, int] | None
+) -> tuple[Returns, range, dict[str, Any]]:
+    """Read all turns of the source, the numbers of those to write, and facts about the source."""
+    from pointkit.errors import naming
+    from pointkit.lidar.returns import read_firings
+    from puckbench.recordings.reading import read_turns
+    from puckbench.scene_sets.recordings import decompressed
+    from puckbench.scene_sets.selected_turns import check_selection, is_recording, select_turns
+
+    source, left_out = options.source, dict[str, int]()
+    with naming(source):
+        check_selection(source, options.stream, options.topic)
+        if is_recording(source):
+            with decompressed(source) as path:
+                recorded = read_turns(path, 0.0, options.stream, source, options.topic)
+            returns, numbers, left_out, _ = recorded
+        else:
+            returns = read_firings(source)
+            numbers = range(len(returns.turns))
+        if selection:
+            select_turns(returns, selection)  # checks the numbers
+            numbers = range(selection[0], selection[1] + 1)
+        if not numbers:
+            raise InputError("has no whole turn (--turns takes others)")
+    about = {"first_turn": numbers[0], "sensor": returns.sensor, **left_out}
+    return returns, numbers, about

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from pointkit.errors import InputError, among
+from puckbench.cli.capture import STREAM
 from puckbench.cli.types import integer, selected
 from puckbench.cli.units import add_cloud_options, metres_per_unit
 from puckbench.planning.config import read_config, trusted
@@ -28,7 +29,7 @@ from puckbench.planning.workflow import Workflow
 _OUT = "out"
 _CONFIGS = (".yaml", ".yml")
 _LOADER_OPTIONS = (
-    *("metres_per_unit", "up", "drop_invalid", "keep_missing", "bin_columns", "topic"),
+    *("metres_per_unit", "up", "drop_invalid", "keep_missing", "bin_columns", "topic", "stream"),
 )
 _CONFIG_OPTIONS = (
     *("codecs", "frame", "rates", "metrics", "scan", "errors", "points", "limit", "strict"),
@@ -41,8 +42,8 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     add = parser.add_argument
     text = (
         "clouds (PLY, PCD, LAS, LAZ, E57, XYZ, CSV, TXT, NPY, NPZ, KITTI's .bin), meshes (OBJ, "
-        "OFF, PLY, STL, GLB), recordings (.pcap, .bag, .mcap, ...), folders or patterns; or one "
-        "configuration (.yaml), and options of Snakemake after --"
+        "OFF, PLY, STL, GLB), recordings (.pcap, .bag, .mcap, ...), tables of capture (.parquet), "
+        "folders or patterns; or one configuration (.yaml), and options of Snakemake after --"
     )
     add("files", nargs="*", help=text)
     defaults = f"default: {' '.join(CODECS)}; for recordings {' '.join(CODECS_OF_RECORDINGS)}"
@@ -76,6 +77,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     )
     add("--limit", type=integer(1), help=text)
     add("--topic", help="topic to read in ROS bags with several topics")
+    add("--stream", help=STREAM)
     text = "scan meshes with a virtual VLP-16 instead of sampling them"
     add("--scan", action="store_true", help=text)
     text = "error model of the virtual sensor, with --scan (default: vlp16_divergence)"

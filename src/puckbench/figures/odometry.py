@@ -17,12 +17,7 @@ from puckbench.figures.registry import FIGURES
 from puckbench.figures.style import COLUMN_WIDTH_IN, PAGE_WIDTH_IN, FigureStyle
 from puckbench.metrics.statistics import MIN_SCENES
 from puckbench.recordings.drives import AZIMUTH, KEPT, NONE
-from puckbench.tables.odometry_differences import (
-    ALL,
-    MEASURES,
-    ODOMETRIES,
-    odometry_differences,
-)
+from puckbench.tables.odometry_differences import ALL, MEASURES, ODOMETRIES
 from puckbench.tables.registry import ODOMETRY, UNDECODED
 
 if TYPE_CHECKING:
@@ -34,7 +29,7 @@ if TYPE_CHECKING:
 CODE = ("puckbench.tables.odometry_differences",)
 
 _PANEL_IN, _AROUND_IN = 1.75, 0.75
-_COLUMNS = ("dataset", "cloud", "codec", "rate", "times")
+_COLUMNS = ("dataset", "odometry", "codec", "times", "bits", "difference", "margin")
 _TIMES = {KEPT: "own times", AZIMUTH: "times from azimuths", NONE: "no times"}
 _OFFSET = {KEPT: 1.0, AZIMUTH: 0.985, NONE: 1.015}
 """Factors of bits that keep bars of one rate apart."""
@@ -43,7 +38,7 @@ _LOST: dict[str, Any] = {"marker": "x", "color": "black", "markersize": 3.0, "li
 
 
 @FIGURES.register("odometry", title="Odometry after decoding", category="Drives", needs=(ODOMETRY,))
-def draw_odometry(drives: pd.DataFrame, style: FigureStyle) -> Figure:
+def draw_odometry(odometry_differences: pd.DataFrame, style: FigureStyle) -> Figure:
     """Error that coding adds to odometry, against bits per return, for each method of odometry and
     data set. It is the drift after decoding minus the drift without coding. For drives that are
     too short for a drift, it is the difference of absolute position errors. The axis is linear
@@ -56,9 +51,8 @@ def draw_odometry(drives: pd.DataFrame, style: FigureStyle) -> Figure:
     """
     from matplotlib.figure import Figure
 
-    require_rows(drives, _COLUMNS, "drives")
-    rows = odometry_differences(drives)
-    rows = rows[rows["dataset"] != ALL]
+    require_rows(odometry_differences, _COLUMNS, "odometry_differences")
+    rows = odometry_differences[odometry_differences["dataset"] != ALL]
     names = style.ordered_datasets(rows["dataset"])
     odometries = [name for name in ODOMETRIES if name in set(rows["odometry"])]
     width = style.width_in or (PAGE_WIDTH_IN if len(names) > 1 else COLUMN_WIDTH_IN)
@@ -90,7 +84,7 @@ def draw_odometry(drives: pd.DataFrame, style: FigureStyle) -> Figure:
 def _set_differences(axes: Axes, rows: pd.DataFrame) -> None:
     from matplotlib.ticker import NullLocator, StrMethodFormatter, SymmetricalLogLocator
 
-    linear = next(each.margin for each in MEASURES if each.name == rows["measure"].iloc[0])
+    linear = float(rows["margin"].min())
     ends = rows[["low", "high", "difference"]].to_numpy(float)
     axes.set_yscale("symlog", linthresh=linear)
     low, high = min(np.nanmin(ends), 0.0), max(np.nanmax(ends), linear)

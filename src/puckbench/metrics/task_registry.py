@@ -8,8 +8,9 @@ A task is a registered function::
 
 Each key becomes a column of the results and should end in the unit; ``columns=`` declares them as
 that of a metric does (`puckbench.metrics.metric_registry`). Decoded turns have ``returns``
-if the codec keeps the order and times of firings. Further parameters are options. With
-``needs=("package",)``, runs without the package omit the task.
+if the codec keeps the order and times of firings. A value of type bytes is no column, but the
+content of a file with the key as its name, such as ``way.tum``. Further parameters are options.
+With ``needs=("package",)``, runs without the package omit the task.
 """
 
 from __future__ import annotations
@@ -38,7 +39,8 @@ class Task:
     name
         Name under which the task is registered.
     measure
-        Function that returns results by column name from a drive, its decoded turns, and options.
+        Function that returns results by column name, and contents of files by file name, from a
+        drive, its decoded turns, and options.
     needs
         Names of Python modules that the task requires.
     """
@@ -84,7 +86,7 @@ def task_results(
     Returns
     -------
     dict
-        The results of all tasks by name of their column.
+        The results of all tasks by name of their column, and contents of files by file name.
 
     Raises
     ------

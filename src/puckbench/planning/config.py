@@ -28,6 +28,7 @@ from puckbench.steps.scan import SensorSettings
 from puckbench.steps.scene import LoaderSettings
 from puckbench.steps.sensing import ResidualSettings
 from puckbench.steps.weights import ValidationSettings
+from puckbench.tables.odometry_margins import OdometryMargins
 
 Options = dict[str, Any]
 
@@ -162,9 +163,10 @@ class DriveConfig(Sensing):
     )
     poses: str | None = Field(
         None,
-        description="File of poses, one for each turn (`make: cloud`): TUM or KITTI. KITTI's own "
-        "are those of a camera: they need KITTI's `calib.txt` beside them or in its folder. By "
-        "default those of the scenes or, without any, those of odometry on the undecoded turns.",
+        description="File of poses (`make: cloud`): TUM, whose times cover those of the turns, or "
+        "TUM or KITTI with one pose for each turn. KITTI's own are those of a camera: they need "
+        "KITTI's `calib.txt` beside them or in its folder. By default those of the scenes or, "
+        "without any, those of odometry on the undecoded turns.",
     )
     tasks: dict[str, Options] = Field(
         {"odometry": {}, "gicp_odometry": {}},
@@ -326,6 +328,10 @@ class RateDeltaConfig(Model):
     )
 
 
+class OdometryMarginsConfig(OdometryMargins):
+    """Largest differences of odometry on drives that count as none in verdicts."""
+
+
 class ReportConfig(Model):
     """The report page and its example clouds."""
 
@@ -454,6 +460,11 @@ class Config(Model):
     bd_rate: RateDeltaConfig = Field(
         RateDeltaConfig(),
         description="Codec and metrics for the comparison of codecs by Bjontegaard deltas.",
+    )
+    odometry_margins: OdometryMarginsConfig = Field(
+        OdometryMarginsConfig(),
+        description="Largest differences of odometry on drives that count as none: fix them before "
+        "you see results.",
     )
     figures: FiguresConfig = Field(
         FiguresConfig(), description="Style of the figures, and the clouds that they show."

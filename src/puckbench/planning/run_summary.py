@@ -135,9 +135,37 @@ def _drive_cells(rows: Sequence[Row], columns: Sequence[str], style: FigureStyle
     ]
 
 
+def _odometry_lines(results: Path, style: FigureStyle, anchor: str) -> Iterator[str]:
+    path = results / "tables" / "odometry_bits.csv"
+    rows = _rows(path)
+    if len(rows) > _MAX_RATES:
+        yield f"Bits that odometry needs: {path}"
+        return
+    yield ""
+    heads = ["data set", "odometry and codec", "from rate", "bits per point"]
+    heads += ["without coding", "coding adds", "margin", "verdict"]
+    yield from aligned([heads, *(_odometry_cells(row, style) for row in rows)])
+    yield f"Lowest rate from which on coding adds less than the margin; more columns: {path}"
+
+
+def _odometry_cells(row: Row, style: FigureStyle) -> list[str]:
+    def length(name: str, sign: str = "") -> str:
+        return f"{float(row[name]):{sign}.3g} {row['unit']}" if row[name] else ""
+
+    return [
+        style.title(row["dataset"]),
+        f"{row['odometry']}, {style.of_codec(row['codec']).title}{_TIMES.get(row['times'], '')}",
+        row["rate"],
+        f"{float(row['bits']):.3g}" if row["bits"] else "",
+        *(length("undecoded"), length("difference", "+"), length("margin")),
+        row["verdict"],
+    ]
+
+
 _LINES: dict[str, Callable[[Path, FigureStyle, str], Iterable[str]]] = {
     "summary": _median_lines,
     "drives": _drive_lines,
+    "odometry_bits": _odometry_lines,
     "left_out": lambda *_: (),  # the caller prints it
 }
 """Tables that the closing lines show, with the functions that yield these lines."""

@@ -12,9 +12,11 @@ from cloud_files import clouds, meshes
 from cloud_files.clouds import IN_METRES
 from cloud_files.content import plain_suffix
 from cloud_files.ply import has_faces
+from pointkit.column_tables import is_table_of
 from pointkit.errors import NARROWER, InputError, naming
 from pointkit.files import special_kind, write_bytes
 from pointkit.geometry.cloud import CoordinateFrame
+from pointkit.lidar.return_table import ReturnTable
 from pointkit.yaml_files import yaml_text
 from puckbench.codecs.base import CloudKind
 from puckbench.codecs.coding import skip_reason, why_not_here
@@ -26,7 +28,7 @@ from puckbench.codecs.rates import (
     rates_of,
     scaled_rates,
 )
-from puckbench.codecs.registry import codec_class, open_codec
+from puckbench.codecs.registry import open_codec
 from puckbench.geometry.scaling import METRIC
 from puckbench.planning.config import checked, trusted
 from puckbench.planning.costs import costs_of
@@ -36,7 +38,7 @@ from puckbench.scene_sets import captured_rooms, recordings
 from puckbench.scene_sets.registry import open_scene_set
 from puckbench.scene_sets.user_files import check_units, is_file_or_lost, is_named
 
-Kind = Literal["clouds", "meshes", "recordings", "recorded_clouds"]
+Kind = Literal["clouds", "meshes", "recordings", "recorded_clouds", "capture_tables"]
 Options = dict[str, Any]
 
 CONFIG = "config.yaml"
@@ -60,17 +62,21 @@ _LOADERS: dict[Kind, str] = {
     "meshes": "mesh_files",
     "recordings": "recordings",
     "recorded_clouds": "recorded_clouds",
+    "capture_tables": "capture_tables",
 }
 _OPTIONS: dict[Kind, tuple[str, ...]] = {
     "clouds": ("drop_invalid", "keep_missing", "bin_columns", "metres_per_unit"),
     "meshes": ("up", "metres_per_unit"),
-    "recordings": ("topic",),
+    "recordings": ("topic", "stream"),
     "recorded_clouds": ("drop_invalid", "keep_missing", "topic"),
+    "capture_tables": (),
 }
 """Names of the loaders' options, by kind of input."""
 _RECORDED: tuple[Kind, ...] = ("recordings", "recorded_clouds")
+_OF_TURNS: tuple[Kind, ...] = (*_RECORDED, "capture_tables")
+_TABLE = ".parquet"
 _EXAMPLES: dict[str, str] = {
-    **dict.fromkeys(("clouds", "meshes", "recorded_clouds"), "object"),
+    **dict.fromkeys(("clouds", "meshes", "recorded_clouds", "capture_tables"), "object"),
     "scans": "noisy",
 }
 _OWN_CLASS = re.compile(r".+\.py:(?P<file>\w+)|[\w.]+:(?P<module>\w+)")
@@ -170,8 +176,8 @@ class UserRun:
         }
         plan = Plan(trusted(config), check_scenes=True)
         plan.memory.save()  # so that the run does not read the files again
-        for codec, rates in self._chosen_rates(plan).items():
-            config["codecs"][codec] |= rates
+        rates = self._chosen_rates(plan)
+        config["codecs"] = {name: config["codecs"][name] | rates[name] for name in rates}
         if unused := {**self.unused(), **self._reductions}:
             config["unused"] = unused
         count = len(plan.clouds)
@@ -262,7 +268,7 @@ class UserRun:
             options["metres_per_unit"] = {name: units[name] for name in units if name in named}
         options = {"path": paths[0] if len(paths) == 1 else paths, **options}
         entry: Options = {"loader": _LOADERS[kind], "options": options}
-        if kind not in _RECORDED:
+        if kind not in _OF_TURNS:
             return {**entry, **({"limit": self.limit} if self.limit else {})}
         for path in (path for text in paths if Path(text).is_dir() for path in _files(text)):
             if recordings.is_copy(path):
@@ -287,7 +293,7 @@ class UserRun:
             return {"scene_set": kind, "make": "cloud", "size": METRIC}
         frame = self.frame or self._default_frame(kind, scenes)
         size = {"size": METRIC if frame == "metric" else _CUBE}
-        if kind in ("clouds", "recorded_clouds"):
+        if kind in ("clouds", "recorded_clouds", "capture_tables"):
             return {"scene_set": kind, "make": "cloud", **size}
         if not self.scan:
             return {"scene_set": kind, "make": "sample", "points": self.points or _POINTS, **size}
@@ -295,7 +301,7 @@ class UserRun:
         return {"scene_set": kind, "make": "scan", "errors": self.errors, "sweep": sweep, **size}
 
     def _default_frame(self, kind: Kind, scenes: Options) -> CoordinateFrame:
-        if kind == "recorded_clouds":
+        if kind in ("recorded_clouds", "capture_tables"):
             return "metric"
         return "scaled" if kind == "meshes" else self._frame_of_clouds(scenes)
 
@@ -334,36 +340,49 @@ class UserRun:
 
     def _default_codecs(self, kinds: Collection[Kind]) -> tuple[str, ...]:
         clouds = CODECS if set(kinds) != {"recordings"} else ()
-        usual = dict.fromkeys([*clouds, *(CODECS_OF_RECORDINGS if "recordings" in kinds else ())])
-        offered = {name: codec_class(name) for name in usual}
-        lacking = [
-            name
-            for name, codec in offered.items()
-            if {*self.rates} - {"all"} and not any(find_rate(codec, rate) for rate in self.rates)
-        ]
-        if len(lacking) == len(usual):
-            return tuple(usual)
-        for name in lacking:
-            rates = offered[name].rates
-            has = ", ".join([*metric_rates(rates), *scaled_rates(rates)])
-            self._reductions[f"codec {name}"] = f"none of the requested rates (it has {has})"
-        return tuple(name for name in usual if name not in lacking)
+        return (
+            *dict.fromkeys([*clouds, *(CODECS_OF_RECORDINGS if "recordings" in kinds else ())]),
+        )
 
     def _chosen_rates(self, plan: Plan) -> dict[str, Options]:
+        """Return the lists of rates for the entries of those codecs that have requested rates."""
         check_codecs(plan)
         few = not self.rates and _seconds(plan) > _BUDGET_S
-        changes: dict[str, Options] = {codec: {} for codec in plan.codecs}
+        changes: dict[str, Options] = {}
         for codec in plan.codecs:
-            for frame in plan.frames:
-                rates = plan.rates(codec, frame)
-                selected = self._selected_rates(plan, codec, frame, few) if rates else rates
-                if few and len(selected) < len(rates):
-                    counts = f"{len(selected)} of {len(rates)} rates"
+            offered = {frame: rates for frame in plan.frames if (rates := plan.rates(codec, frame))}
+            chosen = {frame: self._selected_rates(plan, codec, frame, few) for frame in offered}
+            if not any(chosen.values()):
+                has = ", ".join(rate for rates in offered.values() for rate in rates)
+                self._reductions[f"codec {codec}"] = f"none of the requested rates (it has {has})"
+                continue
+            for frame, selected in chosen.items():
+                if few and len(selected) < len(offered[frame]):
+                    counts = f"{len(selected)} of {len(offered[frame])} rates"
                     self._reductions[f"codec {codec}"] = f"{counts}: all take long (--rates all)"
                 _check_width(plan, codec, frame, selected)
-                if selected != rates:
-                    changes[codec][_KEYS[frame]] = list(selected)
+            changes[codec] = {
+                _KEYS[frame]: list(selected)
+                for frame, selected in chosen.items()
+                if selected != offered[frame]
+            }
+        self._check_chosen(plan, changes)
         return changes
+
+    def _check_chosen(self, plan: Plan, changes: Mapping[str, Options]) -> None:
+        """Raise InputError if no codec has a requested rate for the clouds of a frame."""
+        lacking = [codec for codec in plan.codecs if codec not in changes] if self.strict else []
+        for frame in plan.frames:
+            offering = [codec for codec in plan.codecs if plan.rates(codec, frame)]
+            kept = [codec for codec in offering if codec in changes]
+            if all(changes[codec].get(_KEYS[frame]) == [] for codec in kept):
+                lacking += offering
+        if lacking:
+            rates = [rate for frame in plan.frames for rate in plan.rates(lacking[0], frame)]
+            raise InputError(
+                f"--rates: codec {lacking[0]} has none of {', '.join(self.rates)} "
+                f"({', '.join(rates)}){self._other_frame(plan, lacking[0])}"
+            )
 
     def _selected_rates(
         self, plan: Plan, codec: str, frame: CoordinateFrame, few: bool
@@ -377,13 +396,8 @@ class UserRun:
         names = [
             rate for rate in self.rates if rate in rates or (is_metric and is_length(opened, rate))
         ]
-        if not names:
-            raise InputError(
-                f"--rates: codec {codec} has none of {', '.join(self.rates)} "
-                f"({', '.join(rates)}){self._other_frame(plan, codec)}"
-            )
         changes = {**plan.config.codec(codec), _KEYS[frame]: names}
-        return tuple(rates_of(open_codec(codec, changes), frame))
+        return tuple(rates_of(open_codec(codec, changes), frame)) if names else ()
 
     def _other_frame(self, plan: Plan, codec: str) -> str:
         for frame in get_args(CoordinateFrame):
@@ -421,13 +435,16 @@ def _why_unused(text: str) -> str:
     if path.suffix.lower() == ".osf":
         return osf_advice(path)
     suffixes = ", ".join(dict.fromkeys((*clouds.SUFFIXES, *meshes.SUFFIXES)))
-    return f"{NOTHING_THERE} there ({suffixes}, {', '.join(recordings.RECORDING_SUFFIXES)})"
+    others = ", ".join(recordings.RECORDING_SUFFIXES)
+    return f"{NOTHING_THERE} there ({suffixes}, {others}, {_TABLE} of capture)"
 
 
 def _kind(path: Path) -> Kind | None:
     suffix = plain_suffix(path)
     if path.is_dir() or path.suffix.lower() in recordings.RECORDING_SUFFIXES:
         return "recordings"
+    if suffix == _TABLE:
+        return "capture_tables" if is_table_of(path, ReturnTable) else None
     if suffix == ".ply":
         return "meshes" if has_faces(path) else "clouds"
     if suffix in clouds.SUFFIXES:

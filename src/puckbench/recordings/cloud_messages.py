@@ -1,7 +1,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -150,10 +150,12 @@ def read_recorded_cloud(
     -------
     UncheckedCloud
         The cloud, which may have no points or, unless `drop_invalid`, points that are not finite.
+        Its description has the time stamp of the message in s (``stamp_s``).
     """
     (message,) = read_cloud_messages(path, topic, [number])
     with naming(path):
         cloud = cloud_from_columns(message.columns)
+    cloud = replace(cloud, about={**cloud.about, "stamp_s": message.stamp_ns / 1e9})
     if not keep_missing and len(cloud):
         missing = missing_returns(cloud.xyz, message.is_organised)
         if drop_invalid or np.isfinite(cloud.xyz[~missing]).all():  # other clouds are refused

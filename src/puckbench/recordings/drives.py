@@ -40,6 +40,8 @@ _POSES, _ABOUT = "poses.tum", "drive.json"
 _GAP = 1.5
 """Largest time between two turns, as a multiple of the median time."""
 _CLOCK_S = 1e-6
+_LEAST_FIT = 0.9
+"""Least length of the mean of unit vectors at the azimuths' deviations, if times are azimuths."""
 
 
 class _Description(Model):
@@ -166,7 +168,7 @@ def firing_shares(returns: Returns) -> Floats:
     return np.asarray(passed[columns, lasers])
 
 
-def azimuth_shares(points: Floats, returns: Returns) -> Floats:
+def azimuth_shares(points: Floats, original: PointCloud) -> Floats | None:
     """Return the times of a decoded turn's points, computed from the azimuths of the points.
 
     The times are exact for sensors whose lasers all fire at one azimuth, such as virtual sensors
@@ -178,23 +180,45 @@ def azimuth_shares(points: Floats, returns: Returns) -> Floats:
     ----------
     points
         Points of the decoded turn in sensor coordinates, (n, 3), in m.
-    returns
-        Returns of the original turn, of which only the first azimuth and the direction of rotation
-        are used.
+    original
+        The original turn, of which only the first azimuth and the direction of rotation are used.
+        They are those of its returns or, without returns, fit the times of its points.
 
     Returns
     -------
-    numpy.ndarray
+    numpy.ndarray or None
         Fraction of the turn's duration that had passed at each point, (n,): 0 is the beginning.
+        None if the original turn has no times, or they do not follow from the azimuths.
     """
-    clockwise = returns.beams.clockwise
-    azimuths = np.arctan2(points[:, 0] if clockwise else -points[:, 0], points[:, 1])
-    (turn,) = returns.turns
-    begun = returns.column_azimuths(turn)[0].min()
-    return np.asarray(np.mod(azimuths - begun, 2 * np.pi) / (2 * np.pi))
+    rotation = _rotation(original)
+    if rotation is None:
+        return None
+    begun, is_clockwise = rotation
+    passed = np.mod(_azimuths(points, is_clockwise) - begun, 2 * np.pi)
+    return np.asarray(passed / (2 * np.pi))
 
 
-def timed_by_azimuth(turn: PointCloud, original: PointCloud) -> PointCloud:
+def _azimuths(points: Floats, is_clockwise: bool) -> Floats:
+    return np.arctan2(points[:, 0] if is_clockwise else -points[:, 0], points[:, 1])
+
+
+def _rotation(turn: PointCloud) -> tuple[float, bool] | None:
+    """Return the azimuth at which a turn begins, and whether the sensor rotates clockwise."""
+    if turn.returns is not None:
+        (one,) = turn.returns.turns
+        return float(turn.returns.column_azimuths(one)[0].min()), turn.returns.beams.clockwise
+    if (shares := turn.fields.get(TURN_SHARE)) is None:
+        return None
+    means = {
+        is_clockwise: np.exp(1j * (_azimuths(turn.xyz, is_clockwise) - 2 * np.pi * shares)).mean()
+        for is_clockwise in (True, False)
+    }
+    is_clockwise = bool(abs(means[True]) > abs(means[False]))
+    mean = means[is_clockwise]
+    return (float(np.angle(mean)), is_clockwise) if abs(mean) > _LEAST_FIT else None
+
+
+def timed_by_azimuth(turn: PointCloud, original: PointCloud) -> PointCloud | None:
     """Add times, computed by `azimuth_shares`, to the points of a decoded turn.
 
     Parameters
@@ -202,22 +226,15 @@ def timed_by_azimuth(turn: PointCloud, original: PointCloud) -> PointCloud:
     turn
         The decoded turn.
     original
-        The turn before coding, with its returns.
+        The turn before coding, with its returns or times.
 
     Returns
     -------
-    PointCloud
-        The decoded points with the field `TURN_SHARE`.
-
-    Raises
-    ------
-    InputError
-        The original turn has no returns.
+    PointCloud or None
+        The decoded points with the field `TURN_SHARE`; None if azimuths give no times.
     """
-    if original.returns is None:
-        raise InputError("the original turn has no returns, whose first azimuth is needed")
-    shares = azimuth_shares(turn.xyz, original.returns)
-    return PointCloud(turn.xyz, fields={TURN_SHARE: shares})
+    shares = azimuth_shares(turn.xyz, original)
+    return None if shares is None else PointCloud(turn.xyz, fields={TURN_SHARE: shares})
 
 
 def shares_of(turn: PointCloud) -> Floats | None:
@@ -252,7 +269,8 @@ def _turn_members(drive: Drive) -> Iterator[tuple[str, bytes]]:
         table = Path(folder, "turn.parquet")
         for number, turn in enumerate(drive.turns):
             if turn.returns is None:
-                yield f"{number:04d}.ply", cloud_bytes(PointCloud(turn.xyz))
+                times = {TURN_SHARE: turn.fields[TURN_SHARE]} if TURN_SHARE in turn.fields else {}
+                yield f"{number:04d}.ply", cloud_bytes(PointCloud(turn.xyz, fields=times))
             else:
                 write_firings(table, turn.returns)
                 yield f"{number:04d}.parquet", table.read_bytes()

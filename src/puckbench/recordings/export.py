@@ -25,12 +25,19 @@ from virtual_lidar.scan_table import ScanTable, read_scan
 
 Source = ScanTable | ReturnTable | Returns
 Columns = dict[str, NDArray[Any]]
+Tell = Callable[[Path, str], None]
+"""Function that warns of what a file cannot hold; its arguments are the file and the message."""
 
 _KITTI_BRIGHTEST = 255
 """Reflectivity that KITTI's files store as intensity 1."""
 _LAS_BRIGHTEST = 0xFFFF
 """Largest intensity that LAS files store."""
 _log = logging.getLogger(__name__)
+
+
+def warn(path: Path, text: str) -> None:
+    """Log a warning that names a file."""
+    _log.warning("%s: %s", path, text)
 
 
 def _pcd_columns(columns: Columns) -> Columns:
@@ -43,11 +50,26 @@ def _pcd_columns(columns: Columns) -> Columns:
     return {**_of(columns, *order), **single}
 
 
-def _las_columns(path: Path, columns: Columns) -> Columns:
+def las_columns(path: Path, columns: Columns, tell: Tell) -> Columns:
+    """Return columns under the names that `write_las` takes.
+
+    Intensities that are shares of 1 are multiplied by the largest of LAS, which is told.
+
+    Parameters
+    ----------
+    path
+        The file to write.
+    columns
+        Values, (n,), by name, as for `export_points`.
+    tell
+        Function that warns of values that the format changes.
+    """
     values = _intensities(columns)
-    if _is_beyond(values, _LAS_BRIGHTEST) or (values != np.floor(values)).any():
-        told = f"become whole numbers from 0 to {_LAS_BRIGHTEST}"
-        _log.warning("%s: intensities from %g to %g %s", path, values.min(), values.max(), told)
+    if _are_shares(values):
+        tell(path, f"{_span(values)} are multiplied by {_LAS_BRIGHTEST}")
+        columns = {**columns, "intensity": values * _LAS_BRIGHTEST}
+    elif _is_beyond(values, _LAS_BRIGHTEST) or (values != np.floor(values)).any():
+        tell(path, f"{_span(values)} become whole numbers from 0 to {_LAS_BRIGHTEST}")
     if "laser_id" in columns:
         return columns
     names = {"laser_id": "ring", "reflectivity": "intensity", "timestamp": "time"}
@@ -55,14 +77,23 @@ def _las_columns(path: Path, columns: Columns) -> Columns:
     return {**_of(columns, *"xyz"), **others}
 
 
-def _kitti_columns(path: Path, columns: Columns) -> Columns:
+def _kitti_columns(path: Path, columns: Columns, tell: Tell) -> Columns:
     values = _intensities(columns)
-    most = _KITTI_BRIGHTEST if values.max(initial=0) > 1 else 1
+    most = 1 if _are_shares(values) else _KITTI_BRIGHTEST
     if _is_beyond(values, most):
-        told = f"remain as they are, as they are none from 0 to {most}"
-        _log.warning("%s: intensities from %g to %g %s", path, values.min(), values.max(), told)
+        tell(path, f"{_span(values)} remain as they are, as they are none from 0 to {most}")
         most = 1
     return {**_of(columns, *"xyz"), "intensity": values / most}
+
+
+def _are_shares(values: NDArray[Any]) -> bool:
+    """Return whether intensities are numbers from 0 to 1, not all whole."""
+    is_whole = values == np.floor(values)
+    return not _is_beyond(values, 1) and not is_whole.all()
+
+
+def _span(values: NDArray[Any]) -> str:
+    return f"intensities from {values.min():g} to {values.max():g}"
 
 
 def _intensities(columns: Columns) -> NDArray[Any]:
@@ -81,14 +112,20 @@ def _of(columns: Columns, *names: str) -> Columns:
 
 
 # These formats take any columns of points; the others take virtual scans only.
-_POINTS: dict[str, Callable[[Path, Columns], None]] = {
-    ".ply": write_ply,
-    ".pcd": lambda path, columns: write_pcd(path, _pcd_columns(columns)),
-    ".csv": write_csv,
-    ".las": lambda path, columns: write_las(path, _las_columns(path, columns)),
-    ".laz": lambda path, columns: write_las(path, _las_columns(path, columns)),
-    ".bin": lambda path, columns: write_float32_frame(path, _kitti_columns(path, columns)),
+_POINTS: dict[str, Callable[[Path, Columns, Tell], None]] = {
+    ".ply": lambda path, columns, _: write_ply(path, columns),
+    ".pcd": lambda path, columns, _: write_pcd(path, _pcd_columns(columns)),
+    ".csv": lambda path, columns, _: write_csv(path, columns),
+    **dict.fromkeys(
+        (".las", ".laz"),
+        lambda path, columns, tell: write_las(path, las_columns(path, columns, tell)),
+    ),
+    ".bin": lambda path, columns, tell: write_float32_frame(
+        path, _kitti_columns(path, columns, tell)
+    ),
 }
+OF_POINTS = (*_POINTS,)
+"""Suffixes of the formats that take any points."""
 FORMATS = (*_POINTS, ".evd", ".pcap")
 """Suffixes of the files that `export` writes."""
 
@@ -131,7 +168,7 @@ def export(path: Path, source: Source, clean: bool = False) -> dict[str, Any]:
     InputError
         The suffix is unknown, there is no return, or the format does not suit the source.
     """
-    suffix = _checked_suffix(path, len(source))
+    suffix = checked_suffix(path, len(source))
     if isinstance(source, ReturnTable | Returns):
         if clean:
             raise InputError(f"{path}: a recording has no true coordinates")
@@ -144,7 +181,7 @@ def export(path: Path, source: Source, clean: bool = False) -> dict[str, Any]:
     return {"points": len(source), **write_pcap(path, source, noisy=not clean)}
 
 
-def export_points(path: Path, columns: Columns) -> dict[str, Any]:
+def export_points(path: Path, columns: Columns, tell: Tell = warn) -> dict[str, Any]:
     """Write points to a file in the format that its suffix names.
 
     Parameters
@@ -153,6 +190,8 @@ def export_points(path: Path, columns: Columns) -> dict[str, Any]:
         File to write, with the suffix .ply, .pcd, .csv, .las, .laz or .bin.
     columns
         Values, (n,), by name of the column: ``x``, ``y``, ``z`` and any others.
+    tell
+        Function that warns of values that the format changes; by default, they are logged.
 
     Returns
     -------
@@ -164,14 +203,18 @@ def export_points(path: Path, columns: Columns) -> dict[str, Any]:
     InputError
         The suffix is another one, or there are no points.
     """
-    suffix = _checked_suffix(path, len(columns["x"]))
+    suffix = checked_suffix(path, len(columns["x"]))
     if suffix not in _POINTS:
         raise InputError(f"{path}: a recording has no true coordinates and no scan's columns")
-    _POINTS[suffix](path, columns)
+    _POINTS[suffix](path, columns, tell)
     return {"points": len(columns["x"])}
 
 
-def _checked_suffix(path: Path, points: int) -> str:
+def checked_suffix(path: Path, points: int) -> str:
+    """Return the suffix of a file to export to, in lowercase.
+
+    Raises InputError if no format has this suffix, or if the number of `points` is 0.
+    """
     suffix = path.suffix.lower()
     if suffix not in FORMATS:
         raise InputError(f"{path}: unknown suffix {suffix!r} (known: {', '.join(FORMATS)})")
@@ -183,11 +226,31 @@ def _checked_suffix(path: Path, points: int) -> str:
 def _recorded_columns(source: ReturnTable | Returns) -> Columns:
     if isinstance(source, ReturnTable):
         return _of(source.columns, *_OF_RECORDINGS)
-    table = return_table_of(source, _column_us(source))
-    columns = {**_of(table.columns, *"xyz"), "ring": _rings(source)[table["laser_id"]]}
-    if all(turn.reflectivities is not None for turn in source.turns):
+    return columns_of_returns(source, column_us(source))
+
+
+def columns_of_returns(returns: Returns, sequence_us: float) -> Columns:
+    """Return the points of returns, and what is known of each of them, as columns.
+
+    Parameters
+    ----------
+    returns
+        The returns.
+    sequence_us
+        Time between two columns of a packet, microseconds (`column_us`).
+
+    Returns
+    -------
+    dict
+        Values, (n,), in the order of `Returns.points`: ``x``, ``y``, ``z`` in m, ``ring`` (0 is the
+        lowest laser) and, if the returns have them, ``intensity``, and ``time`` in s since the
+        packet of the first return.
+    """
+    table = return_table_of(returns, sequence_us)
+    columns = {**_of(table.columns, *"xyz"), "ring": _rings(returns)[table["laser_id"]]}
+    if all(turn.reflectivities is not None for turn in returns.turns):
         columns["intensity"] = table["reflectivity"].astype(np.float32)
-    if all(turn.times is not None for turn in source.turns):
+    if all(turn.times is not None for turn in returns.turns):
         columns["time"] = table["timestamp"]
     return columns
 
@@ -196,7 +259,8 @@ def _rings(returns: Returns) -> NDArray[np.uint16]:
     return np.argsort(returns.layout.order).astype(np.uint16)
 
 
-def _column_us(returns: Returns) -> float:
+def column_us(returns: Returns) -> float:
+    """Return the time between two columns of a packet, microseconds; 0 if it is unknown."""
     times = [turn.times for turn in returns.turns if turn.times is not None]
     steps = np.concatenate([np.diff(part.astype(np.float64)) for part in times] or [np.zeros(0)])
     steps = steps[steps > 0]  # the clock restarts hourly

@@ -2,15 +2,16 @@ from __future__ import annotations
 
 import logging
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from pointkit.errors import InputError, naming
-from pointkit.geometry.cloud import check_points
+from pointkit.geometry.cloud import Floats, check_points
 from pointkit.isolated import Columns
 from pointkit.lidar.return_table import ReturnTable
 from pointkit.lidar.sensor import Sensor
@@ -120,11 +121,70 @@ def read_message_columns(
         if not 0 <= first <= last < count:
             raise InputError(f"has messages 0 to {count - 1}, not {first} to {last}")
         columns, _ = _read(path, name, range(first, last + 1), time_unit, label)
+    return _named(columns, columns["timestamp"] if columns["timed"].all() else None)
+
+
+def iterate_messages(
+    path: Path, topic: str | None, turns: tuple[int, int] | None, time_unit: TimeUnit | None = None
+) -> Iterator[tuple[float, Columns]]:
+    """Yield the points of each message of a ROS topic, as `read_message_columns` reads them.
+
+    Parameters
+    ----------
+    path
+        A ROS bag.
+    topic
+        Topic of clouds; None for the only one.
+    turns
+        Numbers of the first and the last message, from 0; by default, all messages.
+    time_unit
+        Unit of the points' times; by default, it is inferred.
+
+    Yields
+    ------
+    seconds
+        Time of the message's first point, or of its stamp if points have no times, in s since the
+        origin of stamps.
+    columns
+        Values, (n,), by name; ``time`` counts from `seconds`. Messages without a point are left
+        out.
+
+    Raises
+    ------
+    InputError
+        There are no such messages, or they come from several sensors.
+    """
+    name, (_, count) = cloud_topic(path, topic)
+    first, last = turns or (0, count - 1)
+    label = f"{path}: topic {name}"
+    with naming(label):
+        if not 0 <= first <= last < count:
+            raise InputError(f"has messages 0 to {count - 1}, not {first} to {last}")
+        before, begin_s, missing = list[MessagePoints](), 0.0, 0
+        for start in range(first, last + 1, _BATCH):
+            found = list(_messages(path, name, range(start, min(start + _BATCH, last + 1))))
+            missing += sum(left_out for _, left_out in found)
+            full = [message for message, _ in found if len(message.columns["x"])]
+            if not full:
+                continue
+            _check_alike([*before, *full])  # the last one of the batch before places this batch
+            seconds, are_timed = seconds_of_messages([*before, *full], time_unit, label)
+            origin = begin_s - seconds[0].min() if before else full[0].stamp_ns / 1e9
+            for message, times in zip(full, seconds[len(before) :], strict=True):
+                begin_s = origin + float(times.min())
+                since = times - times.min() if are_timed else None
+                yield begin_s, _named(message.columns, since)
+            before = full[-1:]
+    tell_missing(label, missing)
+
+
+def _named(columns: Mapping[str, NDArray[Any]], seconds: Floats | None) -> Columns:
+    """Return coordinates, rings, intensities and times of points under these names."""
     result = {axis: columns[axis] for axis in "xyz"}
     for name, fields in (("ring", LASERS[::-1]), ("intensity", REFLECTIVITIES)):
         present = [columns[field] for field in fields if field in columns]
         result |= {name: present[0]} if present else {}
-    return result | ({"time": columns["timestamp"]} if columns["timed"].all() else {})
+    return result | ({} if seconds is None else {"time": seconds})
 
 
 def _read(

@@ -6,13 +6,16 @@ from dataclasses import replace
 from pathlib import Path
 from typing import NamedTuple
 
+import numpy as np
+
 from pointkit.errors import InputError, naming
 from pointkit.files import read_bytes
 from pointkit.lidar.return_table import ReturnTable, read_return_table
-from pointkit.lidar.returns import Returns
+from pointkit.lidar.returns import HOUR_US, Returns
 from pointkit.lidar.sensor import Sensor
 from pointkit.lidar.sensors import load_sensor
 from pointkit.lidar.times import TimeUnit
+from pointkit.lidar.turns import clock_steps
 from pointkit.lidar.unit_calibration import calibration_beside, calibration_in_packets, is_s3
 from puck.recordings.captured_packets import is_packet_capture
 from puck.recordings.data_packets import (
@@ -25,7 +28,7 @@ from puck.recordings.data_packets import (
 from puck.recordings.ouster import is_osf, osf_advice, ouster_turns
 from puck.recordings.ouster_bags import PACKET_MESSAGES, ouster_packets_in_bag
 from puck.recordings.ouster_tables import ouster_table
-from puck.recordings.packet_order import tell_irregularities
+from puck.recordings.packet_order import in_order, tell_irregularities, without_leaps
 from puck.recordings.packet_turns import SENSORS, decode_packets, kind_codes, returns_of_packets
 from puck.recordings.packets import HDL64E, MESSAGES, SCAN, PacketLog
 from puck.recordings.pcap import Capture, read_datagrams, refuse_stream
@@ -126,11 +129,22 @@ class RecordedTurns(NamedTuple):
         Numbers of the complete turns in `returns`.
     left_out
         Counts of data that were left out, by name.
+    begun_s
+        Time since 1970, in s, at which the first packet was received, i.e. the first turn began.
     """
 
     returns: Returns
     whole: range
     left_out: dict[str, int]
+    begun_s: float | None
+
+    def time_s(self, turn: int) -> float | None:
+        """Return the time since 1970, in s, at which a turn began, or None if it is unknown."""
+        if self.begun_s is None:
+            return None
+        clocks = [each.times for each in self.returns.turns[: turn + 1]]
+        begun_us = np.array([float(clock[0]) for clock in clocks if clock is not None])
+        return self.begun_s + float(clock_steps(begun_us, HOUR_US).sum()) * 1e-6
 
 
 def read_turns(
@@ -154,11 +168,29 @@ def read_turns(
     with naming(source or path):
         packets = read_packets(path, stream, source, topic)
         log = _interval(packets, start_s, math.inf)
-        left_out = {name: int(log.about[name]) for name in LEFT_OUT if log.about.get(name)}
-        if log.sensor:
-            return RecordedTurns(*ouster_turns(log.sensor, log.payloads), left_out)
-        returns = returns_of_packets(log.payloads, _unit(packets, source or path))
-        return RecordedTurns(returns, range(1, len(returns.turns) - 1), left_out)
+        return turns_of_packets(log, source or path, packets)
+
+
+def turns_of_packets(
+    log: PacketLog, source: Path, calibrating: PacketLog | None = None
+) -> RecordedTurns:
+    """Decode packets to turns.
+
+    Parameters
+    ----------
+    log
+        The packets.
+    source
+        Path of the recording, beside which a calibration may lie.
+    calibrating
+        Packets from which the calibration of an HDL-64E is read; by default, those of `log`.
+    """
+    left_out = {name: int(log.about[name]) for name in LEFT_OUT if log.about.get(name)}
+    begun_s = float(log.received.min())
+    if log.sensor:
+        return RecordedTurns(*ouster_turns(log.sensor, log.payloads), left_out, begun_s)
+    returns = returns_of_packets(log.payloads, _unit(calibrating or log, source))
+    return RecordedTurns(returns, range(1, len(returns.turns) - 1), left_out, begun_s)
 
 
 def read_packets(
@@ -166,7 +198,8 @@ def read_packets(
 ) -> PacketLog:
     """Read the undamaged data packets of a packet capture or a ROS bag, in the sensor's order.
 
-    Warnings tell of packets that are left out, late or lost, and of leaps of clock and azimuth.
+    Warnings tell of packets that are left out, late or lost, and of leaps of clock and azimuth. The
+    packets' clock goes on without its leaps.
 
     Parameters
     ----------
@@ -192,8 +225,9 @@ def read_packets(
         else:
             log = _packets_of_file(path, stream, topic, source)
         log_left_out(source, log.about)
+        log = in_order(log)
         tell_irregularities(source, log)
-    return log
+    return without_leaps(log)
 
 
 def _packets_of_file(path: Path, stream: str | None, topic: str | None, source: Path) -> PacketLog:

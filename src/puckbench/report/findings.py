@@ -15,6 +15,7 @@ from puckbench.report.bd_rate_text import delta_note, delta_text, delta_value
 from puckbench.report.plot_data import codec_payload
 from puckbench.results.columns import column_named
 from puckbench.tables.cells import interval_text
+from puckbench.tables.odometry_differences import WITHIN
 from puckbench.tables.uses import FEWEST, NEAREST, USES
 
 if TYPE_CHECKING:
@@ -189,8 +190,8 @@ def _drive_rows(table: pd.DataFrame, style: FigureStyle) -> Iterator[UseRow]:
     for (dataset, odometry), part in table.groupby(["dataset", "odometry"], sort=False):
         best = part.sort_values("bits", na_position="last").to_dict("records")[0]
         unit, verdict = best["unit"], str(best["verdict"])
-        enough = verdict == NOT_WORSE
-        if enough:
+        enough = verdict in (NOT_WORSE, WITHIN)
+        if verdict == NOT_WORSE:
             added = interval_text(best["difference"], best["low"], best["high"])
             verdict = f"coding adds {added} {unit} to {best['undecoded']:.2g} {unit}"
         yield UseRow(

@@ -66,8 +66,9 @@ class Kitti(FrameSet):
     The folder is that of the object benchmark, odometry benchmark or raw drives. Scenes are named
     training_000000 (part and frame) and grouped by part. Intensity is ignored. The option `returns`
     converts each frame to the sensor's returns (x right, y forward): laser, encoder step, and range
-    in steps of 2 mm. They reproduce the points to about 1 mm. An odometry frame has a pose and a
-    time if ``poses/00.txt`` is beside ``sequences``.
+    in steps of 2 mm. They reproduce the points to about 1 mm. An odometry frame has a pose if
+    ``poses/00.txt`` is beside ``sequences``, or ``poses.txt`` (SemanticKITTI) in the sequence's
+    folder, and a time if ``times.txt`` is there.
     """
 
     licence = "CC BY-NC-SA 3.0"
@@ -163,6 +164,8 @@ def _sequence_motion(sequence: Path) -> tuple[Floats | None, Floats | None]:
 
 def _motion_files(sequence: Path) -> tuple[Path, Path, Path]:
     poses = sequence.parents[1] / "poses" / f"{sequence.name}.txt"
+    of_semantic = sequence / "poses.txt"  # SemanticKITTI's
+    poses = poses if poses.is_file() or not of_semantic.is_file() else of_semantic
     return poses, sequence / "times.txt", sequence / "calib.txt"
 
 

@@ -38,7 +38,9 @@ class RecordedClouds(RecordingSet, PointRemoval):
         check_extent(cloud.xyz, str(path))
         about = {"source": path.name, "topic": topic, "message": number}
         about |= removal_counts(cloud.about)
-        return Scene(name, safe_name(path.stem), cloud=replace(cloud, about=about), about=about)
+        group, time_s = safe_name(path.stem), cloud.about["stamp_s"]
+        cloud = replace(cloud, about=about)
+        return Scene(name, group, cloud=cloud, about=about, time_s=time_s)
 
     def _numbers(self, path: Path) -> range:
         from puckbench.recordings.cloud_messages import cloud_topic

@@ -1,7 +1,7 @@
 from __future__ import annotations
 
 from abc import abstractmethod
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
 from functools import cached_property
@@ -11,8 +11,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 
 from pydantic import Field, PositiveInt
 
-from pointkit.errors import InputError
-from pointkit.files import unreadable
+from pointkit.errors import InputError, naming
 from pointkit.lazy import imported
 from puckbench.scene_sets.base import SceneSet, look_up
 from puckbench.scene_sets.registry import LOADERS
@@ -21,11 +20,13 @@ from puckbench.scene_sets.user_files import is_file_or_lost, paths_at, refuse_re
 
 if TYPE_CHECKING:
     from pointkit.lidar.returns import Returns
+    from puck.turn_packets import TurnIndex
     from puckbench.recordings.reading import RecordedTurns
 
 CODE = (
     *("puckbench.scene_sets.user_files", "puckbench.recordings"),
-    *("puck.records", "puck.recordings", "pointkit.lidar.sensors", "cloud_files.las"),
+    *("puck.records", "puck.recordings", "puck.recording", "puck.packet_kinds", "puck.windows"),
+    *("puck.turn_packets", "pointkit.lidar.sensors", "cloud_files.las"),
     *("cloud_files.las_header", "cloud_files.las_units", "cloud_files.pcd", "cloud_files.text"),
     "cloud_files.text_numbers",
 )
@@ -56,7 +57,7 @@ class RecordingSet(SceneSet):
     """Topic to read in ROS bags with several suitable topics."""
 
     @abstractmethod
-    def _numbers(self, path: Path) -> range:
+    def _numbers(self, path: Path) -> Sequence[int]:
         """Return the indices of a recording's clouds; raise InputError if it is unusable."""
 
     def names(self) -> list[str]:
@@ -109,7 +110,7 @@ class RecordingSet(SceneSet):
         faulty: dict[str, tuple[Path, int | None]] = {}
         for name, path in self._recordings.items():
             try:
-                numbers = self._numbers(path)
+                numbers: Sequence[int] = self._numbers(path)
             except InputError:
                 numbers = range(0)
             table |= {f"{name}_{number:04d}": (path, number) for number in numbers}
@@ -147,19 +148,36 @@ class Recordings(RecordingSet):
         return recording_files(self._place(name)[0])
 
     def load(self, name: str) -> Scene:
+        from puckbench.recordings.long_recordings import read_some_turns
+
         path, first = self._place(name)
-        recorded = self._read(path)
+        index, recorded, skipped = self._index(path), None, first or 0
+        if index and first is not None:
+            recorded = read_some_turns(index, first, first + self.turns - 1)
+        if recorded is None:
+            recorded, skipped = self._read(path), 0
         recording, left_out = recorded.returns, recorded.left_out
         if first is None:
             raise InputError(f"{path}: {self._no_turns(recording)}")
         if first not in self._firsts(recorded.whole):
             look_up(self._clouds, name, str(self.path))
         about = {"source": path.name, "first_turn": first, "sensor": recording.sensor, **left_out}
-        cloud_returns = replace(recording, turns=recording.turns[first : first + self.turns])
-        return Scene(name, safe_name(path.stem), returns=cloud_returns, about=about)
+        turns = recording.turns[first - skipped : first - skipped + self.turns]
+        cloud_returns = replace(recording, turns=turns)
+        group, time_s = safe_name(path.stem), recorded.time_s(first - skipped)
+        return Scene(name, group, returns=cloud_returns, about=about, time_s=time_s)
 
     def _numbers(self, path: Path) -> range:
-        return self._firsts(self._read(path).whole)
+        from puckbench.recordings.long_recordings import count_whole_turns
+
+        index = self._index(path)
+        whole = count_whole_turns(index) if index else None
+        return self._firsts(self._read(path).whole if whole is None else whole)
+
+    def _index(self, path: Path) -> TurnIndex | None:
+        """Return the turns of a long recording that need not be read as a whole."""
+        is_selected = self.start_s or self.stream or self.topic
+        return None if is_selected else _index(path)
 
     def _read(self, path: Path) -> RecordedTurns:
         return _read(path, self.start_s, self.stream, self.topic)
@@ -228,31 +246,39 @@ def decompressed(path: Path) -> Iterator[Path]:
 
     Raises InputError if the compressed recording is damaged.
     """
-    if not _is_compressed(path):
+    from puck.records import is_stream
+
+    if not is_stream(path):
         yield path
         return
     with TemporaryDirectory() as folder:
         copy = Path(folder, "recording")
         imported(READERS[COMPRESSED])(path, copy)
-        if _is_compressed(copy):
+        if is_stream(copy):
             raise InputError(f"{path}: a compressed recording within another; decompress it first")
-        yield copy
+        try:
+            yield copy
+        except InputError as error:
+            raise InputError(str(error).replace(str(copy), str(path))) from error
 
 
-def _is_compressed(path: Path) -> bool:
-    from puck.records import MAGIC
+def holds_clouds(path: Path) -> bool:
+    """Return whether a path is a compressed recording with clouds of a ROS bag.
 
-    if not path.is_file():
+    Raises InputError if the compressed recording is damaged.
+    """
+    from puck.records import RecordKind, is_stream, places_of_records
+
+    if not is_stream(path):
         return False
-    try:
-        with path.open("rb") as stream:
-            return stream.read(len(MAGIC)) == MAGIC
-    except OSError as error:
-        raise unreadable(path, error) from error
+    with path.open("rb") as file, naming(path):
+        return any(place.kind == RecordKind.CLOUD for place in places_of_records(file))
 
 
 _State = tuple[tuple[str, int, int], ...]
 _Key = tuple[Path, float, str | None, str | None, _State]
+_indexed: dict[tuple[Path, _State], TurnIndex | None] = {}
+"""The turns of the last long recording."""
 _kept: dict[_Key, RecordedTurns] = {}
 """Cached recordings, in the order in which they were read."""
 
@@ -271,6 +297,20 @@ def _read(path: Path, start_s: float, stream: str | None, topic: str | None) -> 
             del _kept[next(iter(_kept))]
             del sizes[0]
     return _kept[key]
+
+
+def _index(path: Path) -> TurnIndex | None:
+    from puck.records import is_stream
+    from puck.turn_packets import index_turns
+    from puckbench.recordings.long_recordings import is_long
+
+    if is_stream(path) or not is_long(path):
+        return None
+    key = (path, _state(path))
+    if key not in _indexed:
+        _indexed.clear()
+        _indexed[key] = index_turns(path)
+    return _indexed[key]
 
 
 def recording_files(path: Path) -> list[Path]:

@@ -62,17 +62,28 @@ def read_selected_turns(
     tuple[Returns, dict[str, int]]
         The sensor's returns, and the numbers of damaged or missing data by kind.
     """
+    from puck.turn_packets import index_turns
+    from puckbench.recordings.long_recordings import is_long, read_some_turns
     from puckbench.recordings.reading import read_turns
 
     with naming(path):
         check_selection(path, stream, topic)
         if not is_recording(path):
             return select_turns(read_firings(path), turns), {}
-        with decompressed(path) as recording:
-            returns, whole, left_out = read_turns(recording, 0.0, stream, path, topic)
-        first = whole[0] if whole else min(1, len(returns.turns) - 1)
-        selected = select_turns(returns, turns or (first, first))
-    taken = range(first, first + 1) if turns is None else range(turns[0], turns[1] + 1)
+        first, last = turns or (0, 1)
+        recorded, skipped = None, 0
+        if stream is None and topic is None and is_long(path):
+            index = index_turns(path)
+            recorded = read_some_turns(index, first, last) if index else None
+            skipped = first if recorded else 0
+        if recorded is None:
+            with decompressed(path) as recording:
+                recorded = read_turns(recording, 0.0, stream, path, topic)
+        returns, whole, left_out, _ = recorded
+        if turns is None:
+            first = last = whole[0] if whole else min(1, len(returns.turns) - 1)
+        selected = select_turns(returns, (first - skipped, last - skipped))
+    taken = range(first, last + 1)
     if not whole:
         _log.warning("%s: has no whole turn: takes a part of one", path)
     elif cut := [number for number in taken if number not in whole]:

@@ -1,19 +1,20 @@
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from pydantic import Field
 
-from cloud_files.poses import files_of_poses, read_lidar_poses
+from cloud_files.poses import files_of_poses
 from pointkit.errors import InputError
-from pointkit.geometry.cloud import Floats
 from pointkit.lidar.returns import HOUR_US
 from pointkit.lidar.turns import clock_steps
 from puckbench.core.code import MESH_FILES, SENSOR
+from puckbench.recordings.drive_poses import extended, poses_of_file
 from puckbench.recordings.drives import UNDECODED_POSES, Drive, check_times, turn_of, write_drive
+from puckbench.recordings.timed_clouds import TimedClouds, timed_clouds
 from puckbench.scene_sets.loader_code import loader_modules
 from puckbench.scene_sets.registry import open_scene_set
 from puckbench.scene_sets.scene import Scene
@@ -28,6 +29,7 @@ CODE = (
     *("puckbench.metrics.tasks.odometry", "puckbench.recordings"),
 )
 
+_OF_ODOMETRY = ("odometry", "gicp_odometry")
 _TURN_S = 0.1
 """Assumed time (s) between the turns (revolutions) of a data set that has no times."""
 
@@ -36,10 +38,13 @@ _TURN_S = 0.1
 class DriveOfClouds(LoaderSettings, Step):
     """Collect consecutive scenes of a scene set into a drive.
 
-    A drive is a sequence of turns (revolutions) of a moving sensor with a pose in the middle of
-    each. The poses are those of the file `poses`. Without a file, they are those of the scenes; if
-    they have none, the odometry KISS-ICP estimates them from the undecoded turns. Such estimates
-    are not the truth: errors of decoded turns are then deviations from the undecoded trajectory.
+    A drive is a sequence of turns (revolutions) of a moving sensor, with poses. The poses are those
+    of the file `poses`. Without a file, they are those of the scenes; if they have none, the
+    odometry KISS-ICP estimates them from the undecoded turns. Such estimates are not the truth:
+    errors of decoded turns are then deviations from the undecoded trajectory.
+
+    Poses of a file have times that cover those of the turns. Otherwise, there is one pose for each
+    turn, which is that of its middle.
 
     Parameters
     ----------
@@ -50,7 +55,8 @@ class DriveOfClouds(LoaderSettings, Step):
     poses
         File of poses in the format of TUM or KITTI.
     odometry
-        Options of the task ``odometry``, with which KISS-ICP estimates poses.
+        Options of the task on the drive (``odometry``, or else ``gicp_odometry``), with which
+        KISS-ICP estimates poses.
     """
 
     names: tuple[str, ...]
@@ -61,13 +67,13 @@ class DriveOfClouds(LoaderSettings, Step):
     @classmethod
     def of_plan(cls, flow: Workflow, /, drives: str, drive: str) -> PlannedStep:
         entry, plan = flow.drives.entries[drives], flow.plan
-        scenes, poses = entry.scenes, entry.settings.poses
+        scenes, poses, tasks = entry.scenes, entry.settings.poses, entry.settings.tasks
         step = cls(
             loader=scenes.loader,
             names=entry.clouds[drive],
             options=scenes.options,
             poses=poses,
-            odometry=entry.settings.tasks.get("odometry", {}),
+            odometry=next((tasks[name] for name in _OF_ODOMETRY if name in tasks), {}),
             seed=scenes.seed,
         )
         of_clouds = [file for name in step.names for file in scenes.files(name)]
@@ -101,55 +107,48 @@ class DriveOfClouds(LoaderSettings, Step):
         return {**made.about, "turns": len(made.turns), "points": made.points}
 
     def _drive(self, scenes: list[Scene]) -> Drive:
-        turns = []
-        for scene in scenes:
-            if scene.cloud is None and scene.returns is None:
-                raise InputError(f"scene {scene.name}: neither a cloud nor a sensor's returns")
-            turns.append(turn_of(scene.returns) if scene.returns else scene.cloud)
-        starts, is_moving = _starts(scenes)
+        clouds, starts, turn_s = _timed_turns(scenes)
         check_times(starts)
-        turn_s = float(np.median(np.diff(starts))) if is_moving else 0.0
-        poses, whose = self._poses(scenes)
-        about = {"scene": scenes[0].group, "poses": whose, **_sensor(scenes[0])}
-        clouds = tuple(turn for turn in turns if turn is not None)
-        times = starts + turn_s / 2
-        if poses is None:
-            from puckbench.metrics.tasks.odometry import estimated_poses, moment_of, settings_of
-
-            poses = estimated_poses(clouds, is_moving, *settings_of(**self.odometry))
-            times = starts + moment_of(clouds) * turn_s
-        last = poses[-1] @ np.linalg.inv(poses[-2]) @ poses[-1]  # goes on as it did
-        times = np.append(times, 2 * times[-1] - times[-2])
-        return Drive(clouds, starts, turn_s, times, np.concatenate([poses, [last]]), about)
-
-    def _poses(self, scenes: list[Scene]) -> tuple[Floats | None, str]:
+        whose = UNDECODED_POSES
         if self.poses:
-            poses = read_lidar_poses(Path(self.poses))
-            if len(poses) != len(scenes):
-                counts = f"{len(poses)} poses for {len(scenes)} turns"
-                raise InputError(f"{self.poses}: {counts}: one for each turn is needed")
+            times, poses = poses_of_file(self.poses, starts, turn_s)
+            whose = Path(self.poses).name
             if self.loader == "kitti" and self.options.get("returns"):
                 axes = "returns of KITTI have other axes than its poses"
                 raise InputError(f"poses: {axes}: put them where KITTI has them, poses/00.txt")
-            return poses, Path(self.poses).name
-        poses_of_scenes = [scene.pose for scene in scenes if scene.pose is not None]
-        if len(poses_of_scenes) == len(scenes):
-            return np.array(poses_of_scenes), "of the data set"
-        return None, UNDECODED_POSES
+        elif all(scene.pose is not None for scene in scenes):
+            times, poses = starts + turn_s / 2, np.array([scene.pose for scene in scenes])
+            whose = "of the data set"
+        else:
+            from puckbench.metrics.tasks.odometry import estimated_poses, moment_of, settings_of
+
+            poses = estimated_poses(clouds, turn_s > 0, *settings_of(**self.odometry))
+            times = starts + moment_of(clouds) * turn_s
+        about = {"scene": scenes[0].group, "poses": whose, **_sensor(scenes[0])}
+        return Drive(clouds, starts, turn_s, *extended(times, poses), about)
 
 
 def _sensor(scene: Scene) -> dict[str, Any]:
     return {"sensor": scene.about["sensor"]} if "sensor" in scene.about else {}
 
 
-def _starts(scenes: list[Scene]) -> tuple[Floats, bool]:
-    """Return the start times (n,) of n turns, in s, and whether their points have times too."""
-    clocks = [scene.returns.turns[0].times for scene in scenes if scene.returns]
-    if len(clocks) == len(scenes) and all(clock is not None for clock in clocks):
-        begun = np.array([float(clock[0]) for clock in clocks if clock is not None])
-        since_first = np.append(0.0, clock_steps(begun, HOUR_US)).cumsum()
-        return np.asarray(since_first * 1e-6), True
+def _timed_turns(scenes: Sequence[Scene]) -> TimedClouds:
+    """Return the turns with their times; they last 0 s if their points have no times."""
+    turns, clocks = [], []
+    for scene in scenes:
+        if scene.cloud is None and scene.returns is None:
+            raise InputError(f"scene {scene.name}: neither a cloud nor a sensor's returns")
+        if scene.returns is not None:
+            turns.append(turn_of(scene.returns))
+            clocks.append(scene.returns.turns[0].times)
+        elif scene.cloud is not None:
+            turns.append(scene.cloud)
     times = [scene.time_s for scene in scenes if scene.time_s is not None]
-    if len(times) == len(scenes):
-        return np.array(times), False
-    return _TURN_S * np.arange(len(scenes), dtype=np.float64), False
+    begun_us = [float(clock[0]) for clock in clocks if clock is not None]
+    if len(begun_us) == len(scenes):
+        since_first = np.append(0.0, clock_steps(np.array(begun_us), HOUR_US)).cumsum() * 1e-6
+        turn_s = float(np.median(np.diff(since_first)))
+        return TimedClouds(tuple(turns), (times or [0.0])[0] + since_first, turn_s)
+    stamps_s = np.array(times if len(times) == len(scenes) else _TURN_S * np.arange(len(scenes)))
+    timed = None if clocks else timed_clouds(turns, stamps_s, scenes[0].group)
+    return timed or TimedClouds(tuple(turns), stamps_s, 0.0)

@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -40,7 +41,8 @@ class EncodeDrive(TimedStep):
 
     def run(self, drive: Path, curve: Path) -> dict[str, Any]:
         """Encode the file `drive`, write all streams to `curve`, and return the number of rates."""
-        codec, turns = ready(self.opened()), read_drive(drive).turns
+        codec = ready(self.opened())
+        turns = [replace(turn, fields={}) for turn in read_drive(drive).turns]  # without times
         points = sum(map(len, turns))
         rates, shared = rates_of(codec, "metric"), [codec.prepare(turn) for turn in turns]
         progress, coded = Progress("rate"), {}

@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import shutil
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -8,6 +9,7 @@ import numpy as np
 from pydantic import Field
 
 from pointkit.errors import InputError, naming, noting
+from pointkit.files import write_bytes
 from pointkit.geometry.cloud import PointCloud, check_points
 from pointkit.measurement import measured
 from puckbench import __version__
@@ -17,11 +19,20 @@ from puckbench.core.code import CLOUD_FILES, CODEC
 from puckbench.core.environment import run_environment
 from puckbench.geometry.digest import cloud_digest
 from puckbench.metrics.task_registry import TASKS, task_results
-from puckbench.recordings.drives import AZIMUTH, KEPT, NONE, Drive, read_drive, timed_by_azimuth
+from puckbench.recordings.drives import (
+    AZIMUTH,
+    KEPT,
+    NONE,
+    Drive,
+    read_drive,
+    shares_of,
+    timed_by_azimuth,
+)
 from puckbench.results.coded_drives import CodedDrive, read_coded_drive
 from puckbench.results.row_files import write_rows
 from puckbench.steps.coding import TimedStep, planned_codec_step, ready
 from puckbench.steps.step import STEPS, PlannedStep, Step
+from puckbench.tables.registry import UNDECODED
 
 if TYPE_CHECKING:
     from puckbench.planning.workflow import Workflow
@@ -39,7 +50,7 @@ class TaskStep(Step):
     The column ``times`` of the results tells where these times come from. They are ``kept`` by
     codecs that encode a sensor's returns. Codecs that encode points lose them: the tasks are then
     measured twice, with times that follow from the points' ``azimuth``, and with ``none``. Azimuths
-    give times only if the original drive has returns, and the sensor moves during a turn.
+    give times only if the original points have times that follow from azimuths.
 
     Parameters
     ----------
@@ -59,6 +70,8 @@ class TaskStep(Step):
         self, drive: Drive, turns: Sequence[PointCloud], record: Mapping[str, Any], name: str
     ) -> Iterator[dict[str, Any]]:
         """Yield a row of results for each kind of times that turns can have.
+
+        Values of type bytes are contents of files, which `write_task_results` takes.
 
         Parameters
         ----------
@@ -102,10 +115,20 @@ class MeasureDrive(TaskStep, TimedStep):
         }
         return planned_codec_step(flow, step, inputs, *map(TASKS.module_of, tasks), **request)
 
-    def run(self, drive: Path, curve: Path, rows: Path) -> dict[str, Any]:
-        """Write a row of results for each rate and kind of times to the file `rows` (Parquet).
+    def run(self, drive: Path, curve: Path, rows: Path, trajectories: Path) -> dict[str, Any]:
+        """Write a row of results for each rate and kind of times, and the files that tasks make.
 
-        `drive` is the original drive, and `curve` the encoded one.
+        Parameters
+        ----------
+        drive
+            The original drive.
+        curve
+            The encoded drive.
+        rows
+            File for the rows (Parquet).
+        trajectories
+            Folder for the files of tasks, such as ``200mm_azimuth_kiss_icp.tum``: the trajectory
+            that KISS-ICP estimates at a rate of 200 mm with times from azimuths.
         """
         original, codec = read_drive(drive), ready(self.opened())
         with naming(curve):
@@ -114,7 +137,7 @@ class MeasureDrive(TaskStep, TimedStep):
                 for coded in read_coded_drive(curve).values()
                 for row in self.rows(original, *self._decoded(original, codec, coded), drive.stem)
             ]
-        write_rows(rows, results)
+        write_task_results(rows, trajectories, results)
         return {"rates": len(results)}
 
     def _decoded(
@@ -133,6 +156,39 @@ class MeasureDrive(TaskStep, TimedStep):
         return timed.result, {**coded.record, **costs}
 
 
+def write_task_results(
+    rows: Path,
+    folder: Path,
+    results: Iterable[Mapping[str, Any]],
+    more: Mapping[str, bytes] | None = None,
+) -> None:
+    """Write rows of results, and the files that tasks made for each.
+
+    Parameters
+    ----------
+    rows
+        File for the rows (Parquet).
+    folder
+        Folder for the files; what it contains already is removed. Names of files begin with the
+        rate, if turns were coded, and the kind of times.
+    results
+        Rows. Values of type bytes are contents of files, by the end of the file's name.
+    more
+        Content of further files, by name.
+    """
+    table, files = [], dict(more or {})
+    for row in results:
+        made = {name: value for name, value in row.items() if isinstance(value, bytes)}
+        table.append({name: value for name, value in row.items() if name not in made})
+        rate = "" if row["codec"] == UNDECODED else f"{row['rate']}_"
+        files |= {f"{rate}{row['times']}_{name}": value for name, value in made.items()}
+    shutil.rmtree(folder, ignore_errors=True)
+    folder.mkdir(parents=True, exist_ok=True)
+    for name, content in files.items():
+        write_bytes(folder / name, content)
+    write_rows(rows, table)
+
+
 def _with_times(
     drive: Drive, turns: Sequence[PointCloud]
 ) -> Iterator[tuple[str, Sequence[PointCloud]]]:
@@ -141,11 +197,13 @@ def _with_times(
         yield KEPT, turns
         if turns is not drive.turns:
             return
-    if _is_timed(drive, drive.turns):
+    if drive.turn_s > 0:
         both = zip(turns, drive.turns, strict=True)
-        yield AZIMUTH, tuple(timed_by_azimuth(turn, original) for turn, original in both)
+        timed = [timed_by_azimuth(turn, original) for turn, original in both]
+        if len(found := [turn for turn in timed if turn is not None]) == len(timed):
+            yield AZIMUTH, tuple(found)
     yield NONE, tuple(PointCloud(turn.xyz) for turn in turns)
 
 
 def _is_timed(drive: Drive, turns: Sequence[PointCloud]) -> bool:
-    return drive.turn_s > 0 and all(turn.returns is not None for turn in turns)
+    return drive.turn_s > 0 and all(shares_of(turn) is not None for turn in turns)

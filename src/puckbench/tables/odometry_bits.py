@@ -1,12 +1,13 @@
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from pointkit.errors import InputError
 from puckbench.metrics.statistics import BETTER, NO_VERDICT, NOT_WORSE
-from puckbench.tables.odometry_differences import odometry_differences
+from puckbench.tables.odometry_differences import BEYOND, WITHIN, odometry_differences
 from puckbench.tables.registry import ODOMETRY, TABLES, UNDECODED
 
 if TYPE_CHECKING:
@@ -28,21 +29,23 @@ _OF_RATE = ("bits", "rate", "value", "difference", "low", "high")
         *("bits", "undecoded", "difference", "verdict"),
     ),
 )
-def odometry_bits(drives: pd.DataFrame) -> pd.DataFrame:
+def odometry_bits(drives: pd.DataFrame, margins: Mapping[str, float] | None = None) -> pd.DataFrame:
     """The table shows from how many bits per return on odometry is as good as without coding.
 
     ``bits`` and ``rate`` are those of the lowest rate that, like all higher ones, is not worse by
     more than the margin; the upper end of the interval decides (see `odometry_differences`). They
     are empty if no rate is good enough, or if there are fewer than 6 trajectories, which allow no
-    verdict. ``value`` is the mean error at this rate, and ``difference`` its mean difference to the
-    same trajectories without coding (``undecoded``). ``low`` and ``high`` are the 95 % interval of
-    the difference. All are in ``unit``. ``times`` tells whether the codec keeps the firing times,
-    whether they come from the azimuths of decoded points, or whether there are none. The results
-    without coding use the sensor's own times in all rows.
+    verdict. But if odometry on the undecoded turns stands for the true poses of these few
+    trajectories, the greatest deviation decides, and the verdict is about them only. ``value`` is
+    the mean error at this rate, and ``difference`` its mean difference to the same trajectories
+    without coding (``undecoded``). ``low`` and ``high`` are the 95 % interval of the difference.
+    All are in ``unit``. ``times`` tells whether the codec keeps the firing times, whether they come
+    from the azimuths of decoded points, or whether there are none. The results without coding use
+    the sensor's own times in all rows.
     """
     import pandas as pd
 
-    differences = odometry_differences(drives)
+    differences = odometry_differences(drives, margins)
     coded = differences[differences["codec"] != UNDECODED]
     if coded.empty:
         raise InputError("drives table: no codec's results")
@@ -54,13 +57,15 @@ def odometry_bits(drives: pd.DataFrame) -> pd.DataFrame:
 
 def _of_codec(rows: pd.DataFrame) -> dict[str, Any]:
     curve = rows.sort_values("bits", ignore_index=True)
-    suffices = curve["verdict"].isin([BETTER, NOT_WORSE]).to_numpy()
+    suffices = curve["verdict"].isin([BETTER, NOT_WORSE, WITHIN]).to_numpy()
     kept = np.flatnonzero(np.logical_and.accumulate(suffices[::-1])[::-1])
     first = curve.iloc[kept[0]] if len(kept) else None
     lowest = curve.iloc[0]
-    verdict = NONE_SUFFICES if first is None else NOT_WORSE
+    verdict = WITHIN if curve["verdict"].isin([WITHIN, BEYOND]).any() else NOT_WORSE
     if lowest["verdict"] == NO_VERDICT:
         verdict = NO_VERDICT
+    elif first is None:
+        verdict = NONE_SUFFICES
     empty = {name: "" if name == "rate" else np.nan for name in _OF_RATE}
     return {
         "measure": lowest["measure"],

@@ -1,15 +1,22 @@
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from pointkit.errors import InputError
-from puckbench.metrics.statistics import SCENE, UNDECIDED, Estimate, means_over_seeds
+from puckbench.metrics.statistics import (
+    NO_VERDICT,
+    SCENE,
+    UNDECIDED,
+    Estimate,
+    means_over_seeds,
+)
 from puckbench.metrics.tasks.odometry import GICP
-from puckbench.recordings.drives import KEPT
+from puckbench.recordings.drives import KEPT, UNDECODED_POSES
+from puckbench.tables.odometry_margins import OdometryMargins
 from puckbench.tables.registry import ODOMETRY, TABLES, UNDECODED
 
 if TYPE_CHECKING:
@@ -19,7 +26,8 @@ CODE = ("puckbench.metrics.tasks.odometry",)
 
 ALL = "all"
 """Value of ``dataset`` for the trajectories of all data sets with the same measure."""
-RELATIVE_MARGIN = 0.1
+WITHIN, BEYOND = "within the margin", "beyond the margin"
+"""Verdicts on fewer than 6 deviations from the undecoded trajectory, for these drives alone."""
 ODOMETRIES = {"KISS-ICP": "", "GICP": GICP}
 """Names of the odometries, and the prefix of their columns."""
 
@@ -34,24 +42,36 @@ class Measure:
         Name and unit in the table.
     column, factor
         Column of the results, and the factor that converts it to the unit.
-    margin
-        Largest difference, in the unit, that counts as none.
+    margin, deviation_margin
+        Names of the `OdometryMargins` for true poses, and for those of odometry without coding.
     """
 
     name: str
     column: str
     factor: float
     unit: str
-    margin: float
+    margin: str
+    deviation_margin: str
 
-    def margin_of(self, undecoded: float) -> float:
-        """Return the largest difference to the mean error without coding that counts as none."""
-        return max(self.margin, RELATIVE_MARGIN * undecoded)
+    def margin_of(self, margins: OdometryMargins, undecoded: float, is_deviation: bool) -> float:
+        """Return the largest difference that counts as none.
+
+        Parameters
+        ----------
+        margins
+            Margins of all measures.
+        undecoded
+            Mean error without coding.
+        is_deviation
+            Whether odometry without coding stands for the true poses.
+        """
+        margin = getattr(margins, self.deviation_margin if is_deviation else self.margin)
+        return max(float(margin), margins.relative * undecoded)
 
 
 MEASURES = (
-    Measure("drift", "drift_percent", 1.0, "%", 0.1),
-    Measure("absolute error", "ate_m", 1000.0, "mm", 10.0),
+    Measure("drift", "drift_percent", 1.0, "%", "drift_percent", "deviation_drift_percent"),
+    Measure("absolute error", "ate_m", 1000.0, "mm", "absolute_mm", "deviation_mm"),
 )
 """The first measure that all drives of a data set have is shown."""
 _KEYS = ["odometry", "codec", "times", "rate"]
@@ -69,7 +89,9 @@ _DIGITS = 6
         *("undecoded", "difference", "verdict"),
     ),
 )
-def odometry_differences(drives: pd.DataFrame) -> pd.DataFrame:
+def odometry_differences(
+    drives: pd.DataFrame, margins: Mapping[str, float] | None = None
+) -> pd.DataFrame:
     """The table shows how much coding changes the errors of odometry on the same trajectory.
 
     ``measure`` and ``unit`` are the drift in % of the way (mean over 10, 20 and 50 m), or the
@@ -80,15 +102,18 @@ def odometry_differences(drives: pd.DataFrame) -> pd.DataFrame:
 
     ``difference`` is the mean of the differences of trajectories. For 6 or more trajectories,
     ``low`` and ``high`` are its 95 % interval by Student's t. ``least`` and ``most`` are the
-    extreme differences. ``margin`` was fixed before the measurement: 0.1 % or 10 mm, or a tenth of
-    ``undecoded`` if that is more. ``verdict`` is ``better`` if the interval is below 0, ``not
-    worse`` if it is below the margin, ``worse`` if it is above 0, and otherwise ``undecided``. It
-    is ``no verdict`` for fewer than 6 trajectories.
+    extreme differences. ``margin`` is fixed before the measurement (``odometry_margins`` in the
+    configuration): by default 0.1 % or 10 mm, or a tenth of ``undecoded`` if that is more.
+    ``verdict`` is ``better`` if the interval is below 0, ``not worse`` if it is below the margin,
+    ``worse`` if it is above 0, and otherwise ``undecided``. It is ``no verdict`` for fewer than 6
+    trajectories.
 
     ``lost_turns`` is the number of turns, of all ``turns``, whose motion was not found. ``poses``
     tells whether the true poses are known. If not, those of KISS-ICP on the undecoded turns replace
-    them, and values are deviations from that trajectory. The data set ``all`` has the trajectories
-    of all data sets with a drift.
+    them, and values are deviations from that trajectory. Their margin is 0.5 % or 50 mm. The
+    verdict on fewer than 6 trajectories then is about these only: ``within the margin`` if the
+    greatest difference is, otherwise ``beyond the margin``. The data set ``all`` has the
+    trajectories of all data sets with a drift.
     """
     import pandas as pd
 
@@ -101,7 +126,7 @@ def odometry_differences(drives: pd.DataFrame) -> pd.DataFrame:
         row
         for dataset in shown
         for _, part in rows[rows["dataset"] == dataset].groupby("odometry", sort=False)
-        for row in _of_dataset(part)
+        for row in _of_dataset(part, OdometryMargins(**margins or {}))
     ]
     if not results:
         raise InputError("drives table: no codec's results and those of the undecoded drives")
@@ -158,11 +183,12 @@ def _with_baseline(rows: pd.DataFrame) -> pd.DataFrame:
     )
 
 
-def _of_dataset(rows: pd.DataFrame) -> Iterator[dict[str, Any]]:
+def _of_dataset(rows: pd.DataFrame, margins: OdometryMargins) -> Iterator[dict[str, Any]]:
     rows = rows.assign(difference=(rows["value"] - rows["undecoded"]).round(_DIGITS))
     first = rows.iloc[0]
     measure = next(each for each in MEASURES if each.name == first["measure"])
-    poses = ", ".join(sorted(set(rows["poses"]))) if "poses" in rows else ""
+    sources = set(rows["poses"]) if "poses" in rows else set()
+    is_deviation = sources == {UNDECODED_POSES}
     numbers = ["value", "undecoded", "difference", "bpp", "lost", "turns"]
     means = means_over_seeds(rows, _KEYS, numbers)
     trajectories = means[SCENE].nunique()
@@ -173,7 +199,10 @@ def _of_dataset(rows: pd.DataFrame) -> Iterator[dict[str, Any]]:
             continue
         difference = Estimate.of(group["difference"])
         undecoded = float(group["undecoded"].mean())
-        margin = measure.margin_of(undecoded)
+        margin = measure.margin_of(margins, undecoded, is_deviation)
+        verdict = difference.verdict(margin) if len(group) == trajectories else UNDECIDED
+        if is_deviation and verdict == NO_VERDICT:
+            verdict = WITHIN if difference.most < margin else BEYOND
         yield {
             "dataset": first["dataset"],
             **named,
@@ -189,8 +218,8 @@ def _of_dataset(rows: pd.DataFrame) -> Iterator[dict[str, Any]]:
             "least": difference.least,
             "most": difference.most,
             "margin": margin,
-            "verdict": difference.verdict(margin) if len(group) == trajectories else UNDECIDED,
+            "verdict": verdict,
             "lost_turns": int(np.ceil(group["lost"].sum())),
             "turns": int(group["turns"].sum()),
-            "poses": poses,
+            "poses": ", ".join(sorted(sources)),
         }

@@ -20,7 +20,6 @@ from puckbench.codecs import learned
 from puckbench.codecs.coding import why_not_here
 from puckbench.codecs.registry import codec_of, open_codec
 from puckbench.steps import process
-from tests.support.bag_files import ros2_bag
 from tests.support.codecs import encode
 
 CAPTURE = Path(__file__).parents[2] / "data" / "capture" / "single.pcap"
@@ -255,15 +254,6 @@ def test_points_that_are_not_finite_are_left_out_when_asked(
     assert "2 of 500 points are not finite" in _refused(capsys, *words)
     assert main([*map(str, words), "--drop-invalid"]) == 0
     assert len(read_cloud(tmp_path / "cloud.ply")) == 498
-
-
-def test_compress_says_that_bags_are_decompressed_first(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    ros2_bag(tmp_path / "bag", "MCAP", "STORAGE")
-    (path,) = (tmp_path / "bag").glob("*.mcap")
-    assert main(["compress", str(path), str(tmp_path / "a.puck")]) == 0
-    assert "decompress bags first (rosbag decompress, mcap decompress)" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(

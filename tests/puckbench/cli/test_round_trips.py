@@ -142,8 +142,9 @@ def test_what_no_original_fits_is_one_line(site: Path, capsys: pytest.CaptureFix
             ["near.ply"],
             "100% of the decoded points lie more than 0.00173 m off its points",
         ),
-        ("back.las", ["other.ply"], "back.las: name it .ply, or name the original LAS file"),
-        ("back.las", [], "back.las: name it .ply, or name the original LAS file"),
+        ("back.las", ["other.ply"], "coded.bin: not coded from other.ply, unless from a prepared"),
+        ("back.copc.laz", [], "back.copc.laz: COPC files are not written: name it .laz"),
+        ("back.copc.laz", ["site.las"], "back.copc.laz: COPC files are not written"),
         ("back.las", ["site.las", "site.laz"], "--like: takes one prepared cloud and one original"),
         ("back.las", ["none.las"], "none.las: no such file"),
     ):

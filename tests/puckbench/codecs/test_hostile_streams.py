@@ -27,7 +27,7 @@ from puckbench.codecs.coding import why_not_here
 from puckbench.codecs.registry import open_codec
 from tests.support.codecs import decode, encode, encode_returns
 from tests.support.learned_codecs import changes, save_tiny, shell, weights_name
-from tests.support.puck_streams import RecordingDecoder
+from tests.support.puck_streams import DECODERS, RecordingDecoder
 from tests.support.returns import recorded
 from tests.support.structured_streams import structured
 
@@ -257,8 +257,9 @@ def test_structured_streams_of_returns_end_in_points_or_one_error(name: str) -> 
         _endure(codec, structured(name, whole, number))
 
 
-def test_structured_recordings_end_in_bytes_or_one_error() -> None:
-    decoder = RecordingDecoder()
+@pytest.mark.parametrize("name", ["puck (recording)", "puck (bag)"])
+def test_structured_recordings_end_in_bytes_or_one_error(name: str) -> None:
+    decoder = DECODERS[name]()
     whole = decoder.streams()
     for number in range(20):
-        _endure(decoder, structured("puck (recording)", whole, number))
+        _endure(decoder, structured(name, whole, number))

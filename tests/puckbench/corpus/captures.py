@@ -476,14 +476,12 @@ PACKETS = [
     spun(
         "gps_found.pcap",
         sent(ROWS, 754_000_000 * MOVED),
-        fields={},
-        warning=r"gps_found.pcap: the sensor's clock leaps \(at packet 50: 754\.001 s\)$",
+        warning=r"the sensor's clock leaps \(at packet 50: 754\.001 s\); times go on without",
     ),
     spun(
         "clock_back.pcap",
         sent(ROWS, -3_000_000 * MOVED),
-        fields={},
-        warning=r"clock_back.pcap: the sensor's clock leaps \(at packet 50: -2\.99867 s\)$",
+        warning=r"the sensor's clock leaps \(at packet 50: -2\.99867 s\); times go on without",
     ),
     spun(
         "recorder_set_back.pcap",

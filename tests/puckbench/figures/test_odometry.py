@@ -8,6 +8,7 @@ import pytest
 from pointkit.errors import InputError
 from puckbench.figures.odometry import draw_odometry
 from puckbench.figures.style import FigureStyle
+from puckbench.tables.odometry_differences import odometry_differences
 from tests.puckbench.tables.test_odometry_bits import drives
 
 LONG = drives("a")
@@ -30,7 +31,7 @@ SHORT = drives("b", column="ate_m", scale=0.1)
 def test_each_panel_has_the_measure_of_its_drives(
     table: pd.DataFrame, labels: dict[str, str]
 ) -> None:
-    figure = draw_odometry(table, FigureStyle())
+    figure = draw_odometry(odometry_differences(table), FigureStyle())
     shown = {axes.get_title().replace("\n", " "): axes.get_ylabel() for axes in figure.axes}
     assert shown.keys() == labels.keys()
     assert all(shown[title].startswith(label) for title, label in labels.items())
@@ -38,7 +39,7 @@ def test_each_panel_has_the_measure_of_its_drives(
 
 def test_legend_names_codecs_times_margin_and_lost_turns() -> None:
     table = LONG.assign(lost_turns=(LONG["rate"] == "500mm").astype(int))
-    figure = draw_odometry(table, FigureStyle())
+    figure = draw_odometry(odometry_differences(table), FigureStyle())
     (legend,) = figure.legends
     words = {text.get_text() for text in legend.get_texts()}
     assert {"margin", "95 % interval", "turns lost", "undecoded, no times"} < words
@@ -47,13 +48,12 @@ def test_legend_names_codecs_times_margin_and_lost_turns() -> None:
 
 def test_two_odometries_are_two_rows() -> None:
     both = LONG.assign(gicp_drift_percent=LONG["drift_percent"], gicp_lost_turns=0)
-    titles = [
-        axes.get_title().replace("\n", " ") for axes in draw_odometry(both, FigureStyle()).axes
-    ]
+    figure = draw_odometry(odometry_differences(both), FigureStyle())
+    titles = [axes.get_title().replace("\n", " ") for axes in figure.axes]
     assert titles == ["A (n = 6), KISS-ICP", "A (n = 6), GICP"]
 
 
 def test_without_any_complete_error_there_is_no_figure() -> None:
     table = SHORT.assign(ate_m=None)
     with pytest.raises(InputError, match="no results of odometry"):
-        draw_odometry(table, FigureStyle())
+        draw_odometry(odometry_differences(table), FigureStyle())

@@ -1,10 +1,13 @@
 """Errors of poses against closed forms; odometries and registration on clouds of exact motion."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.linalg import fractional_matrix_power
 from scipy.spatial.transform import Rotation
 
+from cloud_files.poses import poses_of
 from pointkit.errors import InputError
 from pointkit.geometry.cloud import PointCloud
 from puckbench.metrics.task_registry import task_results
@@ -60,6 +63,33 @@ def test_an_estimate_that_stands_still_loses_every_turn(step_m: float) -> None:
     assert pose_errors(true, slower)["lost_turns"] == 0
 
 
+@pytest.mark.parametrize("step_m", [0.03, 0.09])
+def test_an_estimate_that_stands_still_on_a_slow_drive_is_lost(step_m: float) -> None:
+    """0.1 m take 4 turns of 0.03 m, and 2 of 0.09 m; errors of 0.04 m to the side lose no turn."""
+    true = STRAIGHT.copy()
+    true[:, 0, 3] *= step_m
+    still = np.tile(np.eye(4), (121, 1, 1))
+    within = {0.03: 3, 0.09: 0}[step_m]  # turns at the start, over which it moves by less
+    assert pose_errors(true, still)["lost_turns"] == 120 - within
+    noisy = true.copy()
+    noisy[::2, 1, 3] += 0.04
+    assert pose_errors(true, noisy)["lost_turns"] == 0
+    assert pose_errors(still, noisy * 0.001 + still * 0.999)["lost_turns"] == 0
+
+
+def test_short_drives_drift_over_shorter_lengths() -> None:
+    estimated = STRAIGHT[:13].copy()
+    estimated[:, 0, 3] *= 1.02
+    errors = pose_errors(STRAIGHT[:13], estimated)
+    for length in (1, 2, 5):
+        assert errors[f"drift_{length}m_percent"] == pytest.approx(2.0)
+    assert "drift_percent" not in errors
+    assert "drift_5m_percent" not in pose_errors(STRAIGHT[:9], STRAIGHT[:9])
+    assert "drift_5m_percent" not in pose_errors(STRAIGHT, STRAIGHT)
+    still = np.tile(np.eye(4), (3, 1, 1))
+    assert pose_errors(still, still)["ate_m"] == pytest.approx(0, abs=1e-12)
+
+
 def test_a_length_needs_a_path_of_twice_this_length() -> None:
     """On a path of 30 m, pairs 20 m apart overlap almost wholly."""
     errors = pose_errors(STRAIGHT[:31], STRAIGHT[:31])
@@ -113,7 +143,17 @@ def test_odometry_follows_an_exact_motion(hall: Drive) -> None:
     assert results["odometry_voxel_m"] == 0.6
     assert odometry(hall, hall.turns, max_range_m=60, skip=5) == results
     with pytest.raises(InputError, match="task odometry: 16 turns, of which it skips 15"):
-        odometry(hall, hall.turns)
+        odometry(hall, hall.turns, skip=15)
+    times, poses = poses_of(results["kiss_icp.tum"])
+    np.testing.assert_allclose(times, hall.starts)
+    np.testing.assert_allclose(poses, hall.poses_at(0.5), atol=0.1)
+
+
+def test_by_default_half_of_a_short_drive_counts(hall: Drive) -> None:
+    short = replace(hall, turns=hall.turns[:3], starts=hall.starts[:3])
+    assert odometry(hall, hall.turns)["odometry_skip"] == 8
+    assert odometry(short, short.turns)["odometry_skip"] == 1
+    assert gicp_odometry(short, short.turns)["gicp_skip"] == 1
 
 
 def test_gicp_follows_an_exact_motion(hall: Drive) -> None:

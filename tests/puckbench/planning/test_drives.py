@@ -60,7 +60,10 @@ def test_each_scene_has_its_trajectory() -> None:
     assert first.settings == third.settings
 
 
-def test_reference_of_a_recorded_drive_has_the_options_of_the_task(tmp_path: Path) -> None:
+@pytest.mark.parametrize("task", ["odometry", "gicp_odometry"])
+def test_reference_of_a_recorded_drive_has_the_options_of_the_task(
+    tmp_path: Path, task: str
+) -> None:
     for number in range(2):
         (tmp_path / f"turn_{number}.xyz").write_text("0 0 1\n1 0 1\n")
     clouds = {"loader": "point_clouds", "options": {"path": str(tmp_path)}}
@@ -71,13 +74,21 @@ def test_reference_of_a_recorded_drive_has_the_options_of_the_task(tmp_path: Pat
             "real": {
                 "scene_set": "clouds",
                 "make": "cloud",
-                "tasks": {"odometry": {"max_range_m": 20, "voxel_m": 0.2}},
+                "tasks": {task: {"max_range_m": 20, "voxel_m": 0.2}},
             }
         },
         "codecs": {"draco": {}},
     }
     step = Workflow(config).step("drive_of_clouds", drives="real", drive="turn").step
     assert step.odometry == {"max_range_m": 20, "voxel_m": 0.2}
+
+
+def test_tables_of_odometry_get_the_configured_margins() -> None:
+    config = workflow().plan.config.model_dump(by_alias=True, exclude_unset=True)
+    assert workflow().outputs.table_options("odometry_bits") == {}
+    chosen = Workflow({**config, "odometry_margins": {"deviation_mm": 20}})
+    for table in ("odometry_bits", "odometry_differences"):
+        assert chosen.outputs.table_options(table) == {"margins": {"deviation_mm": 20.0}}
 
 
 def test_table_and_figure_of_odometry_are_made_if_it_is_a_task() -> None:

@@ -96,6 +96,23 @@ def test_drives_have_means_of_the_tasks_results(tmp_path: Path) -> None:
     assert lines[4].startswith("Means over drives")
 
 
+def test_bits_that_odometry_needs_are_shown(tmp_path: Path) -> None:
+    folder = tmp_path / "tables"
+    folder.mkdir()
+    (folder / "odometry_bits.csv").write_text(
+        "dataset,odometry,codec,times,unit,undecoded,margin,verdict,bits,rate,difference\n"
+        "push,KISS-ICP,draco,azimuth,%,0.5,0.1,not worse,2.5,20mm,0.02\n"
+        "push,GICP,puck,kept,mm,0,50,no rate suffices,,,\n"
+    )
+    tables = ("odometry_bits",)
+    _, heads, first, second, remark, *_ = closing_lines(tmp_path, FigureStyle(), "", 0, tables)
+    assert re.split("  +", heads)[-2:] == ["margin", "verdict"]
+    cells = ["Push", "KISS-ICP, Draco, azimuth times", "20mm", "2.5", "0.5 %", "+0.02 %", "0.1 %"]
+    assert re.split("  +", first) == [*cells, "not worse"]
+    assert re.split("  +", second) == ["Push", "GICP, Puck", "0 mm", "50 mm", "no rate suffices"]
+    assert remark.startswith("Lowest rate from which on coding adds less than the margin")
+
+
 def test_many_results_of_drives_are_in_a_file(tmp_path: Path) -> None:
     folder = tmp_path / "tables"
     folder.mkdir()

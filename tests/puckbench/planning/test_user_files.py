@@ -12,6 +12,7 @@ import trimesh
 import yaml
 
 from pointkit.errors import InputError
+from pointkit.lidar.return_table import read_return_table
 from puckbench.cli import main
 from puckbench.planning.config import checked
 from puckbench.planning.plan import Plan
@@ -19,6 +20,7 @@ from puckbench.planning.study_run import study_configuration
 from puckbench.planning.user_files import UserRun, write_configuration
 from puckbench.planning.workflow import Workflow
 from puckbench.report.reference_results import read_reference
+from puckbench.scene_sets.registry import open_scene_set
 from tests.cloud_files.test_cloud_formats import write_las
 from tests.support.bag_files import sqlite_bag
 from tests.support.cloud_bags import cloud_bag
@@ -161,14 +163,28 @@ def test_recordings_are_compared_in_codecs_of_sensors_where_none_are_named() -> 
     assert list(made("mine/a.npy", "drive.pcap", codecs=())["codecs"]) == ["draco", *of_sensors]
 
 
-def test_a_usual_codec_without_a_requested_rate_is_left_out_and_named() -> None:
-    config = made("drive.pcap", codecs=(), rates=("100mm", "10mm"))
+@pytest.mark.parametrize("codecs", [(), ("gpcc_predictive", "gpcc", "puck")])
+def test_a_codec_without_a_requested_rate_is_left_out_and_named(codecs: tuple[str, ...]) -> None:
+    config = made("drive.pcap", codecs=codecs, rates=("100mm", "10mm"))
     assert list(config["codecs"]) == ["gpcc", "puck"]
     assert config["unused"]["codec gpcc_predictive"].startswith("none of the requested rates (it")
-    with pytest.raises(InputError, match="codec gpcc_predictive has none of 100mm"):
-        made("drive.pcap", codecs=("puck", "gpcc_predictive"), rates=("100mm", "10mm"))
+
+
+def test_a_codec_without_a_requested_rate_ends_a_strict_run_and_a_run_of_no_other() -> None:
+    none = "codec gpcc_predictive has none of 100mm"
+    with pytest.raises(InputError, match=none):
+        made("drive.pcap", codecs=("puck", "gpcc_predictive"), rates=("100mm",), strict=True)
+    with pytest.raises(InputError, match=none):
+        made("drive.pcap", codecs=("gpcc_predictive",), rates=("100mm",))
     with pytest.raises(InputError, match="--frame scaled: recordings are coded in metres"):
         made("drive.pcap", codecs=("primitives",), frame="scaled")
+
+
+def test_rates_that_no_codec_has_for_one_of_two_frames_are_refused() -> None:
+    with pytest.raises(InputError, match=r"codec draco has none of 100mm"):
+        made("mine/a.npy", "drive.pcap", codecs=("draco", "puck"), rates=("100mm",))
+    config = made("mine/a.npy", "drive.pcap", codecs=("draco", "puck"), rates=("100mm", "r1"))
+    assert config["codecs"]["draco"] == {"rates": ["r1"], "metric_rates": ["100mm"]}
 
 
 def test_rates_may_be_any_lengths() -> None:
@@ -406,3 +422,29 @@ def test_a_fault_is_one_line_before_anything_runs(
     assert line.startswith("puckbench: ")
     assert all(part in line for part in BAD[words])
     assert not Path("out/config.yaml").exists()
+
+
+def test_a_table_of_capture_is_coded_turn_by_turn_in_metres() -> None:
+    assert main(["capture", "drive.pcap", "mine/returns.parquet"]) == 0
+    table = read_return_table(Path("mine/returns.parquet"))
+    config = made("mine/returns.parquet", codecs=(), limit=2)
+    assert config["datasets"] == {
+        "capture_tables": {"scene_set": "capture_tables", "make": "cloud", "size": "metric"}
+    }
+    assert list(config["codecs"]) == ["draco", "gpcc"]
+    assert config["unused"]["capture_tables"].endswith("clouds are coded (--limit)")
+    (name, *_) = config["scene_sets"]["capture_tables"]["select"]
+    assert name == "returns_0001"  # the first turn is cut off
+    cloud = open_scene_set("capture_tables", {"path": "mine"}).load(name).cloud
+    turn = table.select(table["turn"] == 1)
+    assert cloud is not None
+    assert np.array_equal(cloud.xyz, np.column_stack([turn[axis] for axis in "xyz"]))
+    assert np.array_equal(cloud.fields["reflectivity"], turn["reflectivity"])
+    with pytest.raises(InputError, match=r"codec puck: .*returns"):
+        made("mine/returns.parquet", codecs=("puck",))
+
+
+def test_other_tables_are_left_out() -> None:
+    Path("mine/other.parquet").write_bytes(b"PAR1")
+    config = made("mine/other.parquet", "mine/a.npy")
+    assert config["unused"]["mine/other.parquet"].startswith("no cloud, mesh or recording there")

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from pointkit.errors import InputError
 from pointkit.lidar.return_table import ReturnTable
+from puck.recordings.ouster import packet_type
 from puck.recordings.packet_turns import decode_packets
 from puck.recordings.packets import PACKET, PacketLog
 from puckbench.recordings.reading import read_recording, read_turns
@@ -78,7 +79,8 @@ def test_packets_out_of_order_are_sorted_and_told(
     table = read_recording(path)
     assert same(table, decode_packets(LOG.payloads))
     assert table.about["late_packets"] == count
-    assert lines(path, caplog) == [f"sorted by the sensor's clock, as {count} packets are late"]
+    are_late = f"{count} packets are" if count > 1 else "1 packet is"
+    assert lines(path, caplog) == [f"sorted by the sensor's clock, as {are_late} late"]
     returns, whole, _ = read_turns(path)
     assert len(returns.turns) == 4
     assert whole == range(1, 3)
@@ -135,7 +137,7 @@ def test_a_pause_of_the_recorder_is_lost_packets_and_no_leap(
 
 
 @pytest.mark.parametrize("leap_s", [100.0, 0.6, -0.6, -3.0, -100.0])
-def test_a_leap_of_the_clock_is_told(
+def test_a_leap_of_the_clock_is_told_and_left_out(
     leap_s: float, tmp_path: Path, caplog: pytest.LogCaptureFixture
 ) -> None:
     """As when a GPS is found; packets before and after are not mixed."""
@@ -147,6 +149,7 @@ def test_a_leap_of_the_clock_is_told(
     path = written(tmp_path / "a.pcap", changed(leaping))
     table, whole = read_recording(path), decode_packets(LOG.payloads)
     assert np.array_equal(table["azimuth"], whole["azimuth"])
+    assert np.abs(table["timestamp"] - whole["timestamp"]).max() < 2e-6
     step = f"{leap_s + 1.327e-3:.4f}"[:5]
     (line,) = lines(path, caplog)
     assert line.startswith(f"the sensor's clock leaps (at packet 80: {step}")
@@ -249,42 +252,93 @@ def ouster(path: Path, sent: Sequence[bytes]) -> Path:
     return path
 
 
-def test_columns_of_an_ouster_that_are_lost_or_repeated_are_told(
-    tmp_path: Path, caplog: pytest.LogCaptureFixture
-) -> None:
+@pytest.fixture(scope="module")
+def sent() -> list[bytes]:
+    """Five turns of an Ouster, of 32 packets each."""
     turns = [packets(COARSE, *images(COARSE, seed=frame), frame) for frame in range(5)]
-    every = [packet for turn in turns for packet in turn]
-    path = ouster(tmp_path / "whole.pcap", every)
-    read_turns(path)
-    assert not caplog.messages
-    path = ouster(tmp_path / "cut.pcap", every[9:-3])
-    read_turns(path)
-    assert not caplog.messages
-    swapped = [*every[:40], every[41], every[40], *every[42:]]
-    table = read_recording(ouster(tmp_path / "swapped.pcap", swapped))
-    assert same(table, read_recording(tmp_path / "whole.pcap"))
-    assert not caplog.messages
-    path = ouster(tmp_path / "lost.pcap", every[:40] + every[42:])
-    read_turns(path)
-    assert lines(path, caplog) == ["32 columns are lost within 5 turns"]
-    caplog.clear()
-    path = ouster(tmp_path / "turn.pcap", every[:64] + every[96:])
-    read_turns(path)
-    assert lines(path, caplog) == ["512 columns are lost within 5 turns"]
-    caplog.clear()
-    path = ouster(tmp_path / "repeated.pcap", every[:40] + every[38:])
-    read_turns(path)
-    assert lines(path, caplog) == ["left out 32 columns that repeat one before"]
-    caplog.clear()
-    path = ouster(tmp_path / "leap.pcap", [*every[:64], *map(set_later, every[64:])])
-    read_turns(path)
-    assert lines(path, caplog) == ["the sensor's clock leaps by 100.049 s"]
+    return [packet for turn in turns for packet in turn]
 
 
-def set_later(packet: bytes) -> bytes:
-    """A packet whose columns are 100 s later."""
-    from puck.recordings.ouster import packet_type
+def test_an_ousters_recording_in_order_is_read_without_a_word(
+    sent: list[bytes], tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    assert read_turns(ouster(tmp_path / "whole.pcap", sent)).whole == range(5)
+    assert read_turns(ouster(tmp_path / "cut.pcap", sent[9:-3])).whole == range(1, 4)
+    assert not caplog.messages
 
+
+def test_packets_of_an_ouster_out_of_order_are_sorted_and_told(
+    sent: list[bytes], tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    whole = read_recording(ouster(tmp_path / "whole.pcap", sent))
+    rows = np.arange(len(sent))
+    rows[:-1:7], rows[1::7] = rows[1::7].copy(), rows[:-1:7].copy()
+    path = ouster(tmp_path / "swapped.pcap", [sent[row] for row in rows])
+    assert same(read_recording(path), whole)
+    assert lines(path, caplog) == ["sorted by the sensor's clock, as 23 packets are late"]
+
+
+@pytest.mark.parametrize(
+    ("kept", "told"),
+    [
+        (np.r_[0:40, 42:160], "32 columns are lost within 5 turns"),
+        (np.r_[0:64, 96:160], "512 columns are lost within 5 turns"),
+        (np.r_[0:3, 4:157, 159], "48 columns are lost within 5 turns"),
+        (np.r_[0:7, 9:32], "32 columns are lost within 1 turn"),
+    ],
+    ids=["inside", "a turn", "first and last", "of one turn"],
+)
+def test_lost_columns_of_an_ouster_are_counted(
+    kept: Any, told: str, sent: list[bytes], tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    path = ouster(tmp_path / "lost.pcap", [sent[row] for row in kept])
+    recorded = read_turns(path)
+    assert lines(path, caplog) == [told]
+    assert recorded.whole == range(len(recorded.returns.turns))
+
+
+def test_packets_of_an_ouster_that_come_again_are_told(
+    sent: list[bytes], tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    path = ouster(tmp_path / "repeated.pcap", sent[:40] + sent[38:])
+    read_turns(path)
+    assert lines(path, caplog) == [
+        "sorted by the sensor's clock, as 1 packet is late",
+        "left out 32 columns that repeat one before",
+    ]
+
+
+@pytest.mark.parametrize("leap_s", [-4, 100, 1_700_000_000])
+def test_a_leap_of_an_ousters_clock_is_told_and_left_out(
+    leap_s: int, sent: list[bytes], tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    """As when PTP sets it to the time since 1970."""
+    whole = read_recording(ouster(tmp_path / "whole.pcap", sent))
+    leapt = [*sent[:50], *(set_later(packet, leap_s) for packet in sent[50:])]
+    path = ouster(tmp_path / "leap.pcap", leapt)
+    table = read_recording(path)
+    assert np.diff(table["timestamp"]).min() >= 0
+    assert np.abs(table["timestamp"] - whole["timestamp"]).max() < 1e-4
+    (line,) = lines(path, caplog)
+    assert line.startswith(f"the sensor's clock leaps (at packet 50: {leap_s + 1.6e-3:.6g} s)")
+
+
+def test_an_ouster_that_starts_anew_goes_on(
+    sent: list[bytes], tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    """Its counter of revolutions and its clock begin again."""
+    late = [packets(COARSE, *images(COARSE, seed=9), 40), packets(COARSE, *images(COARSE), 41)]
+    path = ouster(tmp_path / "anew.pcap", [*late[0], *late[1], *sent])
+    returns, whole, _ = read_turns(path)
+    assert whole == range(7)
+    np.testing.assert_array_equal(returns.turns[0].ranges, images(COARSE, seed=9)[0])
+    np.testing.assert_array_equal(returns.turns[6].ranges, images(COARSE, seed=4)[0])
+    (line,) = lines(path, caplog)
+    assert line.startswith("the sensor's clock leaps (at packet 64: -4.1")
+
+
+def set_later(packet: bytes, later_s: int) -> bytes:
+    """A packet whose columns are some seconds later."""
     table = np.frombuffer(packet, packet_type(COARSE, 16)).copy()
-    table["columns"]["time"] += np.uint64(100 * 10**9)
+    table["columns"]["time"] += np.int64(later_s * 10**9).astype(np.uint64)
     return table.tobytes()

@@ -12,7 +12,7 @@ from pointkit.column_tables import write_column_table
 from pointkit.errors import InputError
 from pointkit.lidar.return_table import BOTH, LAST, STRONGEST, read_return_table
 from pointkit.lidar.sensors import load_sensor
-from puck.recordings.packet_turns import decode_packets
+from puck.recordings.packet_turns import decode_packets, returns_of_packets
 from puck.recordings.packets import PACKET
 from puckbench.recordings.reading import read_recording
 from tests.support.capture_lookalike import BOX, ROTATION_HZ, box_capture
@@ -38,10 +38,16 @@ def test_azimuth_and_time_go_on_through_the_firings_of_a_packet() -> None:
     assert np.all(np.diff(table["timestamp"]) > 0)
 
 
-def test_a_turn_begins_at_azimuth_zero() -> None:
-    table = decode_packets(box_capture(12, start_deg=350.0).payloads)
-    degrees = np.degrees(table["azimuth"])
-    assert table["turn"].tolist() == np.where(degrees > 180, 0, 1).tolist()
+def test_a_turn_begins_with_the_packet_that_passes_azimuth_zero() -> None:
+    payloads = box_capture(160, start_deg=350.0).payloads
+    table, returns = decode_packets(payloads), returns_of_packets(payloads)
+    assert np.bincount(table["turn"]).tolist() == [turn.returns for turn in returns.turns]
+    packets = np.repeat(np.arange(160), 24 * 15)
+    before = table.select((packets < 2) & (table["turn"] == 0))
+    after = table.select((packets == 2) & (table["turn"] == 1))
+    assert np.degrees(before["azimuth"]).min() >= 350
+    assert (np.degrees(after["azimuth"]) > 359).any()
+    assert (np.degrees(after["azimuth"]) < 1).any()
 
 
 def test_firings_without_a_return_have_no_row() -> None:

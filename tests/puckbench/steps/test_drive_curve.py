@@ -8,9 +8,16 @@ import pandas as pd
 import pytest
 
 from cloud_files.meshes import write_mesh
+from pointkit.geometry.cloud import PointCloud
 from pointkit.models import parsed
 from puckbench.metrics.tasks.odometry import estimated_poses
-from puckbench.recordings.drives import Drive, azimuth_shares, firing_shares, read_drive
+from puckbench.recordings.drives import (
+    TURN_SHARE,
+    Drive,
+    azimuth_shares,
+    firing_shares,
+    read_drive,
+)
 from puckbench.results.row_files import read_rows
 from puckbench.steps.drive import VirtualDrive
 from puckbench.steps.encode_drive import EncodeDrive
@@ -45,22 +52,23 @@ def drive(street: Path) -> Path:
 
 
 def rows_of(drive: Path, curve: Path | None = None, codec: str | None = None) -> pd.DataFrame:
-    rows = drive.parent / "rows.parquet"
+    rows, folder = drive.parent / "rows.parquet", drive.parent / "trajectories"
     if codec and curve:
         MeasureDrive(dataset="way", tasks=TASKS, codec=codec, entry=CHANGES, repeats=1).run(
-            drive, curve, rows
+            drive, curve, rows, folder
         )
     else:
-        MeasureUndecoded(dataset="way", tasks=TASKS).run(drive, rows)
+        MeasureUndecoded(dataset="way", tasks=TASKS).run(drive, rows, folder)
     return pd.DataFrame(read_rows([rows])).set_index("times")
 
 
 def test_azimuths_give_the_firing_times(drive: Path) -> None:
     for turn in read_drive(drive).turns[::20]:
         assert turn.returns is not None
-        np.testing.assert_allclose(
-            azimuth_shares(turn.xyz, turn.returns), firing_shares(turn.returns), atol=1e-12
-        )
+        shares = firing_shares(turn.returns)
+        np.testing.assert_allclose(azimuth_shares(turn.xyz, turn), shares, atol=1e-12)
+        timed = PointCloud(turn.xyz, fields={TURN_SHARE: shares})
+        np.testing.assert_allclose(azimuth_shares(turn.xyz, timed), shares, atol=1e-9)
 
 
 def test_codecs_of_points_drift_as_far_as_the_undecoded_drive_with_times_of_azimuths(

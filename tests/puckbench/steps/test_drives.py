@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from cloud_files.poses import read_lidar_poses, tum_bytes
 from pointkit.errors import InputError
 from puckbench.metrics.tasks.odometry import estimated_poses
 from puckbench.recordings.drives import read_drive
@@ -101,6 +102,36 @@ def test_poses_of_kittis_camera_by_path_are_turned_to_the_lidar(kitti: Path) -> 
     np.testing.assert_allclose(
         read_drive(kitti / "drive.zip").poses_at(0.5), lidar_poses(), atol=1e-7
     )
+
+
+def test_semantickittis_poses_are_those_of_the_data_set(kitti: Path) -> None:
+    (kitti / "poses" / "00.txt").rename(kitti / "sequences" / "00" / "poses.txt")
+    job(kitti).run(kitti / "drive.zip")
+    drive = read_drive(kitti / "drive.zip")
+    np.testing.assert_allclose(drive.poses_at(0.5), lidar_poses(), atol=1e-7)
+    assert drive.about["poses"] == "of the data set"
+
+
+@pytest.mark.parametrize("form", ["KITTI", "TUM"])
+def test_a_camera_moves_along_its_own_z_axis_wherever_it_goes(tmp_path: Path, form: str) -> None:
+    """After a bend to the right, a camera of KITTI moves along x of its first pose."""
+    lidar = np.tile(np.eye(4), (40, 1, 1))
+    lidar[:, :3, :3] = Rotation.from_euler("z", -90, degrees=True).as_matrix()
+    lidar[:5, :3, :3] = np.eye(3)
+    lidar[:5, 0, 3], lidar[5:, 0, 3], lidar[5:, 1, 3] = np.arange(5), 4, -np.arange(1, 36)
+    file = tmp_path / "00.txt"
+
+    def write(poses: np.ndarray) -> None:
+        tum = tum_bytes(np.arange(40.0), poses)
+        file.write_bytes(tum if form == "TUM" else rows_of(poses).encode())
+
+    write(CAMERA @ lidar @ np.linalg.inv(CAMERA))
+    with pytest.raises(InputError, match=r"00.txt: these poses move along z, .*calib.txt"):
+        read_lidar_poses(file)
+    (tmp_path / "calib.txt").write_text("Tr: " + rows_of(CAMERA[None]))
+    np.testing.assert_allclose(read_lidar_poses(file)[1], lidar, atol=1e-6)
+    write(lidar)
+    np.testing.assert_allclose(read_lidar_poses(file)[1], lidar, atol=1e-6)
 
 
 def test_poses_of_another_length_and_times_that_run_back_are_refused(kitti: Path) -> None:

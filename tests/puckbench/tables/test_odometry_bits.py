@@ -10,6 +10,7 @@ import pytest
 from scipy import stats
 
 from pointkit.errors import InputError
+from puckbench.recordings.drives import UNDECODED_POSES
 from puckbench.tables.odometry_bits import odometry_bits
 from puckbench.tables.odometry_differences import ALL, odometry_differences
 
@@ -85,6 +86,36 @@ def test_margin_is_absolute_where_the_reference_is_the_undecoded_trajectory() ->
     rows = odometry_bits(small).set_index("times")
     assert rows.loc["azimuth", "rate"] == "100mm"
     assert rows.loc["azimuth", "undecoded"] == pytest.approx(6.5e-8)
+
+
+def deviations(count: int) -> pd.DataFrame:
+    """Drives without true poses: those of odometry on the undecoded turns replace them."""
+    table = drives(count=count).assign(poses=UNDECODED_POSES)
+    is_reference = (table["codec"] == "undecoded") & (table["times"] == "kept")
+    table["drift_percent"] -= table["cloud"].map(lambda name: BEFORE[int(name[4])])
+    return table.assign(drift_percent=table["drift_percent"].where(~is_reference, 6e-8))
+
+
+def test_deviations_from_odometry_have_a_wider_margin() -> None:
+    """At 200 mm they are 0.3 %: above the margin of errors, below that of deviations."""
+    table = odometry_bits(deviations(6)).set_index("times")
+    assert table.loc["azimuth", ["rate", "margin"]].tolist() == ["200mm", 0.5]
+    narrow = odometry_bits(deviations(6), {"deviation_drift_percent": 0.1}).set_index("times")
+    assert narrow.loc["azimuth", ["rate", "margin"]].tolist() == ["100mm", 0.1]
+    known = odometry_bits(drives(), {"deviation_drift_percent": 5.0}).set_index("times")
+    assert known.loc["azimuth", ["rate", "margin"]].tolist() == ["100mm", 0.1]
+
+
+@pytest.mark.parametrize("count", [1, 5])
+def test_a_few_deviations_are_judged_by_the_greatest(count: int) -> None:
+    table = deviations(count)
+    bits = odometry_bits(table).set_index("times")
+    assert bits.loc["azimuth", ["rate", "verdict"]].tolist() == ["200mm", "within the margin"]
+    assert bits.loc["none", "verdict"] == "no rate suffices"
+    one = (table["cloud"] == "way_0-1") & (table["rate"] == "200mm") & (table["times"] == "azimuth")
+    table.loc[one, "drift_percent"] = 0.6
+    bits = odometry_bits(table).set_index("times")
+    assert bits.loc["azimuth", "rate"] == "100mm"
 
 
 def test_short_drives_have_their_absolute_error_in_millimetres() -> None:

@@ -63,5 +63,5 @@ def test_a_tutorial_runs(name: str, tmp_path: Path) -> None:
 
 def test_there_are_the_tutorials_that_the_index_lists() -> None:
     index = page("docs/tutorials/index.md")
-    assert len(TUTORIALS) == 7
+    assert len(TUTORIALS) == 8
     assert all(f"\n{name}\n" in index for name in TUTORIALS)

@@ -15,13 +15,16 @@ M. Grupp, evo, github.com/MichaelGrupp/evo.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+import math
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from importlib.metadata import version
 from importlib.util import find_spec
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
+from cloud_files.poses import tum_bytes
 from pointkit.errors import InputError
 from pointkit.geometry.cloud import Floats, PointCloud
 from puckbench.core.code import CLOUD_FILES
@@ -32,6 +35,8 @@ from puckbench.results.columns import LOWER, RUN, TASK, Column
 CODE = (*CLOUD_FILES, "cloud_files.poses", "puckbench.recordings")
 
 LENGTHS_M = (10, 20, 50)
+SHORT_LENGTHS_M = (1, 2, 5)
+"""Lengths of drives that are too short for `LENGTHS_M`. They count for no mean."""
 KITTI_LENGTHS_M = tuple(range(100, 900, 100))
 GICP = "gicp_"
 """Prefix of the columns of GICP. Columns of KISS-ICP have no prefix."""
@@ -39,6 +44,9 @@ _LOST_SHARE = 0.5
 _LOST_M, _LOST_DEG = (0.05, 0.5), (1.0, 5.0)
 """Bounds, in m and degrees, of the error above which a turn is lost. Between them, the limit is
 half of the true motion."""
+_JUDGED_M = 0.1
+"""Mean motion, in m, over which the estimate of a slow sensor may not stand still: half of it is
+the least error of a lost turn."""
 _LENGTHS_IN_A_PATH = 2
 """Fewest times that a length must fit into the path for a drift over it."""
 _TOLERANCE = 0.1
@@ -50,6 +58,7 @@ _FINER = 4
 """Voxels of GICP's map in a row over those of a turn (1 m and 0.25 m in small_gicp's example)."""
 _NEIGHBOURS = 10
 _SHORT = "the drive is too short"
+_UNITS = ("percent", "deg_per_m")
 
 
 def _columns(errors: str, settings: str, method: str = "") -> Iterator[Column]:
@@ -65,10 +74,12 @@ def _columns(errors: str, settings: str, method: str = "") -> Iterator[Column]:
     yield error("drift_deg_per_m", "Drift of rotation", "°/m", missing=_SHORT)
     yield error("kitti_percent", "Drift over 100 to 800 m", "%", missing=_SHORT)
     yield error("kitti_deg_per_m", "Drift of rotation over 100 to 800 m", "°/m", missing=_SHORT)
-    names = [(f"drift_{length}m", length) for length in LENGTHS_M]
+    names = [(f"drift_{length}m", length) for length in (*SHORT_LENGTHS_M, *LENGTHS_M)]
     names += [(f"kitti_{length}m", length) for length in KITTI_LENGTHS_M]
     for name, length in names:
-        yield error(f"{name}_percent", f"Drift over {length} m", "%", missing=_SHORT)
+        is_short = is_shown and length in SHORT_LENGTHS_M
+        text = f"Drift over {length} m"
+        yield error(f"{name}_percent", text, "%", missing=_SHORT, summarised=is_short)
         text = f"Drift of rotation over {length} m"
         yield error(f"{name}_deg_per_m", text, "°/m", missing=_SHORT)
     for name, words, unit in (
@@ -86,7 +97,7 @@ def odometry(
     decoded: Sequence[PointCloud],
     max_range_m: float = 100.0,
     voxel_m: float | None = None,
-    skip: int = _SKIP,
+    skip: int | None = None,
 ) -> dict[str, Any]:
     """Run KISS-ICP on decoded turns, and return its errors against the true poses.
 
@@ -105,19 +116,22 @@ def odometry(
     voxel_m
         Side of the voxels of KISS-ICP's map, in m; by default a hundredth of `max_range_m`.
     skip
-        Number of turns at the start that do not count, since KISS-ICP has to settle.
+        Number of turns at the start that do not count, since KISS-ICP has to settle; by default 15,
+        but not more than half of the turns.
 
     Returns
     -------
     dict
-        The values of `pose_errors`, the settings (``odometry_...``), and the version of KISS-ICP.
+        The values of `pose_errors`, the settings (``odometry_...``), and the version of KISS-ICP;
+        and as ``kiss_icp.tum`` the content of a file with the estimated poses. They hold at the
+        moments of the true poses, and begin with the first of these.
 
     Raises
     ------
     InputError
         There are too few turns, or a required package is not installed.
     """
-    _check_turns("odometry", decoded, skip)
+    skip = _turns_to_skip("odometry", decoded, skip)
     max_range_m, voxel_m = settings_of(max_range_m, voxel_m)
     estimated = estimated_poses(decoded, drive.turn_s > 0, max_range_m, voxel_m)
     settings = {
@@ -128,7 +142,8 @@ def odometry(
         "odometry_skip": skip,
     }
     true = drive.poses_at(moment_of(decoded))
-    return {**pose_errors(true[skip:], estimated[skip:]), **settings}
+    trajectory = {"kiss_icp.tum": _tum(drive, decoded, true, estimated)}
+    return {**pose_errors(true[skip:], estimated[skip:]), **settings, **trajectory}
 
 
 _OF_GICP = (
@@ -144,15 +159,16 @@ def gicp_odometry(
     decoded: Sequence[PointCloud],
     max_range_m: float = 100.0,
     voxel_m: float | None = None,
-    skip: int = _SKIP,
+    skip: int | None = None,
 ) -> dict[str, Any]:
     """Run scan-to-map GICP on decoded turns, and return its errors against the true poses.
 
-    Parameters and results are those of `odometry`, but the names of results begin with ``gicp_``.
-    GICP keeps a normal distribution of points in each voxel of the map. The voxels of a single turn
-    are a fourth as large, and points are matched at most `voxel_m` apart.
+    Parameters and results are those of `odometry`, but the names of results begin with ``gicp_``,
+    and the file of poses is ``gicp.tum``. GICP keeps a normal distribution of points in
+    each voxel of the map. The voxels of a single turn are a fourth as large, and points are matched
+    at most `voxel_m` apart.
     """
-    _check_turns("gicp_odometry", decoded, skip)
+    skip = _turns_to_skip("gicp_odometry", decoded, skip)
     max_range_m, voxel_m = settings_of(max_range_m, voxel_m)
     estimated = gicp_poses(decoded, drive.turn_s > 0, max_range_m, voxel_m)
     true = drive.poses_at(moment_of(decoded))
@@ -160,11 +176,12 @@ def gicp_odometry(
     length = errors.pop("length_m")
     settings = {"voxel_m": voxel_m, "max_range_m": max_range_m, "skip": skip, "length_m": length}
     named = {f"{GICP}{name}": value for name, value in {**errors, **settings}.items()}
-    return {**named, "gicp": f"small_gicp {version('small_gicp')}"}
+    trajectory = {"gicp.tum": _tum(drive, decoded, true, estimated)}
+    return {**named, "gicp": f"small_gicp {version('small_gicp')}", **trajectory}
 
 
 def settings_of(
-    max_range_m: float = 100.0, voxel_m: float | None = None, skip: int = _SKIP
+    max_range_m: float = 100.0, voxel_m: float | None = None, skip: int | None = None
 ) -> tuple[float, float]:
     """Return the largest range and the voxel size, both in m, that a task's options select."""
     return max_range_m, max_range_m / 100 if voxel_m is None else voxel_m
@@ -283,9 +300,18 @@ def at_end_of_turn(points: Floats, shares: Floats, motion: Floats) -> Floats:
     return np.asarray(turned + moved(back) @ velocity)
 
 
-def _check_turns(task: str, decoded: Sequence[PointCloud], skip: int) -> None:
-    if len(decoded) < skip + 2:
-        raise InputError(f"task {task}: {len(decoded)} turns, of which it skips {skip}")
+def _turns_to_skip(task: str, decoded: Sequence[PointCloud], skip: int | None) -> int:
+    turns = len(decoded)
+    if skip is None:
+        return min(_SKIP, turns // 2 if turns > 2 else 0)
+    if turns < skip + 2:
+        raise InputError(f"task {task}: {turns} turns, of which it skips {skip}")
+    return skip
+
+
+def _tum(drive: Drive, decoded: Sequence[PointCloud], true: Floats, estimated: Floats) -> bytes:
+    times = drive.starts + moment_of(decoded) * drive.turn_s
+    return tum_bytes(times, true[0] @ np.linalg.inv(estimated[0]) @ estimated)
 
 
 def pose_errors(true: Floats, estimated: Floats) -> dict[str, Any]:
@@ -294,7 +320,9 @@ def pose_errors(true: Floats, estimated: Floats) -> dict[str, Any]:
     The drift over a path length is the mean error of all pairs of poses that are this length apart,
     divided by the length. A turn is lost if the motion since the turn before is wrong by more than
     half of the true motion. Errors below 0.05 m and 1 degree never count as lost, errors above 0.5
-    m or 5 degrees always do.
+    m or 5 degrees always do. If the sensor moves by less than 0.1 m a turn in the mean, a turn is
+    lost, too, if the estimate moved less than half as far as the sensor did over so many turns that
+    this moves by 0.1 m in the mean.
 
     Parameters
     ----------
@@ -310,7 +338,8 @@ def pose_errors(true: Floats, estimated: Floats) -> dict[str, Any]:
         * ``drift_percent``, ``drift_deg_per_m``: drift of translation and rotation, mean over those
           of the lengths 10, 20 and 50 m that fit twice into the path.
         * ``kitti_percent``, ``kitti_deg_per_m``: the same over the lengths 100 to 800 m that occur.
-        * ``drift_50m_percent`` and similar names: the drift over a single length.
+        * ``drift_50m_percent`` and similar names: the drift over a single length. Paths that are
+          too short for 10 m have drifts over those of 1, 2 and 5 m that fit twice.
     """
     check_installed("evo")
     from evo.core.metrics import PoseRelation, Unit
@@ -321,19 +350,48 @@ def pose_errors(true: Floats, estimated: Floats) -> dict[str, Any]:
     moved_m = np.linalg.norm(np.diff(true[:, :3, 3], axis=0), axis=1)
     lost_m = np.clip(_LOST_SHARE * moved_m, *_LOST_M)
     lost_deg = np.clip(_LOST_SHARE * _turned_deg(true), *_LOST_DEG)
-    lost = int(np.count_nonzero((steps_m > lost_m) | (steps_deg > lost_deg)))
+    is_lost = (steps_m > lost_m) | (steps_deg > lost_deg) | _stands_still(true, estimated)
+    lost = int(np.count_nonzero(is_lost))
     whole_m = float(moved_m.sum())
     absolute_m = _absolute_error(true, estimated)
     results: dict[str, Any] = {"length_m": whole_m, "lost_turns": lost, "ate_m": absolute_m}
-    fitting = tuple(each for each in LENGTHS_M if _LENGTHS_IN_A_PATH * each <= whole_m)
+    fitting = [each for each in LENGTHS_M if _LENGTHS_IN_A_PATH * each <= whole_m]
+    if not fitting:
+        short = (each for each in SHORT_LENGTHS_M if _LENGTHS_IN_A_PATH * each <= whole_m)
+        results |= _named_drifts("drift", _drifts(both, short))
     for name, lengths in (("drift", fitting), ("kitti", KITTI_LENGTHS_M)):
-        values = {length: drift for length in lengths if len(drift := _drift(both, length))}
-        for unit, column in (("percent", 0), ("deg_per_m", 1)):
-            means = {length: float(drift[column]) for length, drift in values.items()}
-            if means:
-                results[f"{name}_{unit}"] = float(np.mean(list(means.values())))
-            results |= {f"{name}_{length}m_{unit}": value for length, value in means.items()}
+        drifts = _drifts(both, lengths)
+        for column, unit in enumerate(_UNITS if drifts else ()):
+            results[f"{name}_{unit}"] = float(np.mean([each[column] for each in drifts.values()]))
+        results |= _named_drifts(name, drifts)
     return results
+
+
+def _drifts(both: _Paths, lengths: Iterable[int]) -> dict[int, Floats]:
+    return {length: drift for length in lengths if len(drift := _drift(both, length))}
+
+
+def _named_drifts(name: str, drifts: Mapping[int, Floats]) -> dict[str, float]:
+    return {
+        f"{name}_{length}m_{unit}": float(value)
+        for length, drift in drifts.items()
+        for unit, value in zip(_UNITS, drift, strict=True)
+    }
+
+
+def _stands_still(true: Floats, estimated: Floats) -> NDArray[np.bool_]:
+    """Return whether the estimate hardly moved while a slow sensor moved on, by turn (n - 1,)."""
+    mean_m = float(np.linalg.norm(np.diff(true[:, :3, 3], axis=0), axis=1).mean())
+    still = np.zeros(len(true) - 1, np.bool_)
+    turns = min(math.ceil(_JUDGED_M / max(mean_m, 1e-9)), len(true) - 1)
+    if turns > 1:
+        moved_m, estimated_m = (
+            np.linalg.norm(poses[turns:, :3, 3] - poses[:-turns, :3, 3], axis=1)
+            for poses in (true, estimated)
+        )
+        has_moved = moved_m > _LOST_M[0]
+        still[turns - 1 :] = has_moved & (estimated_m < _LOST_SHARE * moved_m)
+    return still
 
 
 def _turned_deg(poses: Floats) -> Floats:

@@ -24,9 +24,15 @@ def several_codecs(plan: Plan) -> Options | None:
 
 @NEEDS.register("odometry")
 def odometry_on_drives(plan: Plan) -> Options | None:
-    """Require that an odometry task is measured on drives, i.e. sequences of clouds."""
+    """Require that an odometry task is measured on drives, i.e. sequences of clouds.
+
+    Tables get the configured margins, if they differ from the defaults.
+    """
     tasks = {task for drive in plan.drives.values() for task in drive.tasks}
-    return _if(bool(tasks & {"odometry", "gicp_odometry"}))
+    if not tasks & {"odometry", "gicp_odometry"}:
+        return None
+    margins = plan.config.odometry_margins.model_dump(exclude_defaults=True)
+    return {"margins": margins} if margins else {}
 
 
 @NEEDS.register("attributes")

@@ -1,0 +1,1 @@
+"""Coding of the points of ROS messages of the type PointCloud2."""

@@ -1,0 +1,214 @@
+"""Packets of some turns of a packet capture, read or restored without the rest of it."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import accumulate, pairwise, zip_longest
+from pathlib import Path
+from typing import IO, Any, NamedTuple
+
+import numpy as np
+
+from pointkit.coding.byte_io import Reader
+from pointkit.files import open_file
+from puck.gaps import decode_gaps
+from puck.packet_kinds import (
+    Kind,
+    PacketFormat,
+    PacketsDecoder,
+    decode_kind,
+    described_sensors,
+    formats_of,
+)
+from puck.recording import FoundPackets, search
+from puck.recordings.captured_packets import is_packet_capture
+from puck.recordings.packet_turns import Payloads
+from puck.records import RecordKind, RecordPlace, is_stream, places_of_records, read_record
+from puck.sensors import PacketSorter
+from puck.turns import is_key
+from puck.windows import windows_of
+
+_MOST_BYTES = 1 << 25
+"""Maximum number of bytes of a turn's packets."""
+_START_BYTES = 24
+"""Number of bytes at the start of a file that identify a packet capture."""
+_MOST_OFF = 0.1
+"""Largest deviation of a turn's length from the median, as a share of it."""
+
+
+@dataclass(frozen=True)
+class TurnIndex(ABC):
+    """Places of the turns of one sensor in a packet capture.
+
+    Attributes
+    ----------
+    path
+        The capture, which may be compressed.
+    kind
+        Kind of its packets.
+    """
+
+    path: Path
+    kind: Kind
+
+    @property
+    @abstractmethod
+    def count(self) -> int:
+        """Number of turns."""
+
+    @abstractmethod
+    def packets(self, first: int, end: int) -> list[Payloads]:
+        """Read the packets (p, bytes) of each turn from `first` to `end` - 1, counted from 0.
+
+        Turns beyond the recording are left out. InputError is raised if the file is damaged.
+        """
+
+
+def index_turns(path: Path) -> TurnIndex | None:
+    """Find the turns of a packet capture.
+
+    In a file that `puck.compress` wrote, a turn is found by its record, and decoding begins at the
+    key turn before it. Any other file is searched for packets, window by window.
+
+    Returns
+    -------
+    TurnIndex or None
+        The turns. None if they may be no revolutions of one sensor: there are several sensors or
+        kinds of packets, or none; packets are late; turns differ in length; or the file is no
+        packet capture, as packets in bags may be in parts.
+
+    Raises
+    ------
+    InputError
+        The file cannot be read or is damaged.
+    """
+    return _index_of_stream(path) if is_stream(path) else _index_of_recording(path)
+
+
+class _Span(NamedTuple):
+    """Positions in a file of a turn's first byte, and of the byte after its last."""
+
+    start: int
+    end: int
+
+
+@dataclass(frozen=True)
+class _RecordingIndex(TurnIndex):
+    format: PacketFormat
+    spans: Sequence[_Span]
+
+    @property
+    def count(self) -> int:
+        return len(self.spans)
+
+    def packets(self, first: int, end: int) -> list[Payloads]:
+        turns = []
+        with open_file(self.path) as file:
+            for start, stop in self.spans[first:end]:
+                file.seek(start)
+                content = np.frombuffer(file.read(stop - start), np.uint8)
+                turns.append(FoundPackets(self.format, self.format.find(content)).payloads(content))
+        return turns
+
+
+def _index_of_recording(path: Path) -> TurnIndex | None:
+    found: set[tuple[Any, ...]] = set()  # kind, number of the format, number of the sensor
+    lengths, spans, done, sorter = list[int](), list[_Span](), 0, PacketSorter()
+    with windows_of(path) as windows:
+        if not is_packet_capture(windows.next(_START_BYTES)[0].tobytes()):
+            return None
+        formats = formats_of(described_sensors(path)[0])
+        for content, packets, _ in search(windows, formats):
+            form, places = packets
+            if not len(places):
+                done += len(content)
+                continue
+            by_sensor, order = sorter.sort(content, form, places, packets.payloads(content))
+            turns = [*packets.turns(content)]
+            found |= {(kind, formats.index(form), *by_sensor) for kind, _ in turns}
+            if order or len(found) > 1:
+                return None
+            counts = [len(payloads) for _, payloads in turns]
+            lengths += counts
+            for first, end in pairwise(accumulate(counts, initial=0)):
+                start, last = places[[first, end - 1]].tolist()
+                spans.append(_Span(done + start, done + last + form.span))
+            done += len(content)
+        if not found or not _are_alike(lengths):
+            return None
+        ((kind, number, _),) = found
+        return _RecordingIndex(path, kind, formats[number], spans)
+
+
+@dataclass(frozen=True)
+class _StreamIndex(TurnIndex):
+    layout: bytes
+    places: Sequence[RecordPlace]
+    starts: Sequence[int]
+    """Index of each turn's record in `places`."""
+
+    @property
+    def count(self) -> int:
+        return len(self.starts)
+
+    def packets(self, first: int, end: int) -> list[Payloads]:
+        end = min(end, self.count)
+        if first >= end:
+            return []
+        keys = (k for k in range(first + 1) if is_key(self.places[self.starts[k]].start))
+        key = max(keys, default=0)
+        stop = self.starts[end] if end < self.count else len(self.places)
+        decoder = PacketsDecoder(_MOST_BYTES)
+        decoder.start_layout(self.layout)
+        turns: list[Payloads] = []
+        with open_file(self.path) as file:
+            needed = self.places[self.starts[key] : stop]
+            for place, following in zip_longest(needed, needed[1:]):
+                if place.kind == RecordKind.TURN:
+                    decoder.add_turn(read_record(file, place.at).body)
+                elif place.kind == RecordKind.FIELDS:
+                    decoder.add_fields(read_record(file, place.at).body)
+                else:
+                    continue
+                if following is None or following.kind != RecordKind.FIELDS:
+                    count, pieces = decoder.take()
+                    turns.append(np.frombuffer(b"".join(pieces), np.uint8).reshape(count, -1))
+        return turns[first - key :]
+
+
+def _index_of_stream(path: Path) -> TurnIndex | None:
+    with open_file(path) as file:
+        places = list(places_of_records(file))
+        layouts = [place for place in places if place.kind == RecordKind.LAYOUT]
+        starts = [k for k, place in enumerate(places) if place.kind == RecordKind.TURN]
+        if len(layouts) != 1 or not _are_alike([_count_blocks(places[k].start) for k in starts]):
+            return None
+        if not _is_capture(file, places):
+            return None
+        layout = read_record(file, layouts[0].at).body
+        return _StreamIndex(path, decode_kind(layout), layout, places, starts)
+
+
+def _is_capture(file: IO[bytes], places: list[RecordPlace]) -> bool:
+    """Return whether the compressed file is a packet capture, whose start is the first gap."""
+    gaps = next((place for place in places if place.kind == RecordKind.GAPS), None)
+    if gaps is None or any(place.kind == RecordKind.PAGES for place in places):
+        return False
+    reader = Reader(read_record(file, gaps.at).body)
+    pieces = reader.number()
+    start = decode_gaps(reader, pieces + 1, lambda size: None)[0]
+    return is_packet_capture(start[:_START_BYTES])
+
+
+def _are_alike(lengths: list[int]) -> bool:
+    """Return whether all turns but the first and the last, which may be cut off, are as long."""
+    whole = np.array(lengths[1:-1])
+    return not len(whole) or bool((np.abs(whole / np.median(whole) - 1) <= _MOST_OFF).all())
+
+
+def _count_blocks(body: bytes) -> int:
+    reader = Reader(body)
+    reader.take(1), reader.number()
+    return reader.number()

@@ -1,0 +1,207 @@
+"""Folders of frames: a file for each turn (revolution) or message of a recording.
+
+The file ``times.txt`` has the time of each frame in s, and ``poses.txt``, in KITTI's format, the
+pose of the sensor at that time, if poses are known.
+"""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Iterable, Iterator
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from cloud_files.poses import kitti_bytes
+from pointkit.errors import InputError
+from pointkit.files import folder_written_whole
+from pointkit.geometry.cloud import Floats
+from pointkit.lidar.return_table import UNKNOWN, ReturnTable
+from pointkit.lidar.returns import HOUR_US, Returns
+from pointkit.lidar.turns import clock_steps
+from pointkit.terminal import Progress
+from puckbench.recordings.export import (
+    OF_POINTS,
+    Columns,
+    column_us,
+    columns_of_returns,
+    export_points,
+)
+from puckbench.recordings.table_turns import turn_of_table, whole_turns
+from virtual_lidar.scan_returns import frame_poses, sensor_points
+from virtual_lidar.scan_table import ScanTable
+
+FORMATS = tuple(suffix[1:] for suffix in OF_POINTS)
+"""Formats of frames."""
+_log = logging.getLogger(__name__)
+
+
+class Frame(NamedTuple):
+    """A turn or message of a recording.
+
+    Parameters
+    ----------
+    seconds
+        Time at which the frame begins, s: that of the first packet of a turn, of the first return
+        of a turn in a table, or of the first point of a message.
+    columns
+        Values of the points, (n,), by name: ``x``, ``y`` and ``z`` in m, in the sensor's frame, and
+        what is known of ``intensity``, ``ring`` (0 is the lowest laser) and ``time`` (s after the
+        frame's).
+    pose
+        Matrix (4, 4) that transforms the sensor's coordinates at the frame's time to fixed ones, in
+        m; None if it is not known.
+    """
+
+    seconds: float
+    columns: Columns
+    pose: Floats | None = None
+
+
+def write_frames(folder: Path, form: str, frames: Iterable[Frame], count: int) -> dict[str, Any]:
+    """Write frames to a folder, one file for each: ``000000.pcd`` and so on.
+
+    The folder appears only when it is complete. Frames without a point are left out, with a
+    warning.
+
+    Parameters
+    ----------
+    folder
+        The folder, which must be empty or not exist.
+    form
+        Format of the files, one of `FORMATS`.
+    frames
+        The frames, of which one at a time is held in memory.
+    count
+        Number of frames, for the display of progress.
+
+    Returns
+    -------
+    dict
+        Numbers of ``frames`` and of ``points``.
+
+    Raises
+    ------
+    InputError
+        The folder is not empty, no frame has a point, or a frame cannot be written.
+    """
+    progress, told = Progress("frame"), list[str]()
+    seconds, poses, points, empty = list[float](), list[Floats](), 0, 0
+
+    def tell_once(path: Path, text: str) -> None:
+        if not told:
+            _log.warning("%s: in %s and perhaps others, %s", folder, path.name, text)
+            told.append(text)
+
+    with folder_written_whole(folder) as place:
+        for number, frame in enumerate(frames, 1):
+            progress(number, count)
+            if not len(frame.columns["x"]):
+                empty += 1
+                continue
+            path = place / f"{len(seconds):06d}.{form}"
+            points += export_points(path, frame.columns, tell_once)["points"]
+            seconds.append(frame.seconds)
+            if frame.pose is not None:
+                poses.append(frame.pose)
+        if not seconds:
+            raise InputError(f"{folder}: no frame has a point")
+        (place / "times.txt").write_text("".join(f"{time:.6f}\n" for time in seconds))
+        if poses:
+            (place / "poses.txt").write_bytes(kitti_bytes(np.array(poses)))
+    if empty:
+        _log.warning("%s: left out %d frames without a point", folder, empty)
+    return {"frames": len(seconds), "points": points}
+
+
+def frames_of_returns(returns: Returns, numbers: range) -> Iterator[Frame]:
+    """Yield turns of a recording of packets, or of a table of firings.
+
+    Parameters
+    ----------
+    returns
+        All turns of the recording.
+    numbers
+        Numbers of the turns to yield. Times count from the first packet of turn 0; they are 0 if
+        packets have no times.
+    """
+    sequence_us, begins = column_us(returns), _begins_us(returns)
+    for number, turn in enumerate(returns.split()):
+        if number in numbers:
+            columns = columns_of_returns(turn, sequence_us)
+            if "time" in columns and len(columns["time"]):
+                columns["time"] = columns["time"] + _first_return_us(turn) * 1e-6
+            yield Frame(begins[number] * 1e-6, columns)
+
+
+def _begins_us(returns: Returns) -> Floats:
+    clock = [0 if turn.times is None else int(turn.times[0]) for turn in returns.turns]
+    return np.append(0.0, np.cumsum(clock_steps(np.array(clock, np.float64), HOUR_US)))
+
+
+def _first_return_us(returns: Returns) -> float:
+    """Return the time of the packet of a turn's first return after the turn's first packet."""
+    (turn,), layout = returns.turns, returns.layout
+    if turn.times is None:
+        return 0.0
+    packet = returns.indices(turn)[0][0] // (layout.columns_per_block * layout.blocks_per_time)
+    clock = turn.times[[0, packet]].astype(np.float64)
+    return float(clock_steps(clock, HOUR_US)[0])
+
+
+def frames_of_table(table: ReturnTable, numbers: Iterable[int] | None = None) -> Iterator[Frame]:
+    """Yield turns of a table of returns.
+
+    Parameters
+    ----------
+    table
+        The table.
+    numbers
+        Numbers of turns; by default, those that are not cut off (`whole_turns`).
+    """
+    rings = _ranks(table["elevation"])
+    for number in whole_turns(table) if numbers is None else numbers:
+        is_turn = table["turn"] == number
+        turn = turn_of_table(table, number)
+        begin = float(turn["timestamp"].min(initial=np.inf)) if len(turn) else 0.0
+        columns = {
+            **{axis: turn[axis] for axis in "xyz"},
+            "ring": rings[is_turn],
+            "time": turn["timestamp"] - begin,
+        }
+        if (table["reflectivity"] != UNKNOWN).all():
+            columns["intensity"] = turn["reflectivity"].astype(np.float32)
+        yield Frame(begin, columns)
+
+
+def frames_of_scan(table: ScanTable, clean: bool = False) -> Iterator[Frame]:
+    """Yield the frames of a virtual scan, with the poses of its sensor.
+
+    Parameters
+    ----------
+    table
+        The scan.
+    clean
+        Whether to take true distances instead of the measured ones.
+    """
+    points = sensor_points(table, "distance" if clean else "distance_noisy")
+    rings, poses = _ranks(table["pitch"]), frame_poses(table)
+    hertz = table.about.get("sweep", {}).get("frames_per_second")
+    for number in np.unique(table["frame"]).tolist():
+        rows = np.flatnonzero(table["frame"] == number)
+        times = table["timestamp"][rows]
+        begin = number / hertz if hertz else float(times.min())
+        columns = {
+            **dict(zip("xyz", points[rows].T, strict=True)),
+            "ring": rings[rows],
+            "time": times - begin,
+        }
+        if "reflectivity" in table.columns:
+            columns["intensity"] = table["reflectivity"][rows].astype(np.float32)
+        yield Frame(begin, columns, None if poses is None else poses[number])
+
+
+def _ranks(elevations: Floats) -> Any:
+    """Return the rank of each elevation among the different elevations, from 0 for the lowest."""
+    return np.unique(elevations, return_inverse=True)[1].astype(np.uint16)

@@ -1,0 +1,46 @@
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+from pointkit.errors import InputError
+from pointkit.geometry.cloud import check_extent
+from puckbench.scene_sets.base import look_up
+from puckbench.scene_sets.recordings import RecordingSet
+from puckbench.scene_sets.registry import LOADERS
+from puckbench.scene_sets.scene import Scene, safe_name
+
+CODE = ("puckbench.scene_sets.recordings",)
+
+
+@LOADERS.register("capture_tables")
+class CaptureTables(RecordingSet):
+    """The scenes are turns in tables of `puckbench capture` (.parquet), in metres.
+
+    Points have the laser, the time and, if known, the reflectivity. Scenes are named after the file
+    and the turn (drive_0012). The first and the last turn are not used, because they may be cut
+    off, except in tables of one or two turns and in tables of ROS clouds.
+    """
+
+    suffixes = (".parquet",)
+
+    def load(self, name: str) -> Scene:
+        from pointkit.lidar.return_table import read_return_table
+        from puckbench.recordings.table_turns import cloud_of_table, turn_of_table, whole_turns
+
+        path, number = self._place(name)
+        table = read_return_table(path)
+        if number is None:
+            raise InputError(f"{path}: has no return")
+        if number not in whole_turns(table)[:: self.every]:
+            look_up(self._clouds, name, str(self.path))
+        cloud = cloud_of_table(turn_of_table(table, number))
+        check_extent(cloud.xyz, str(path))
+        about = {"source": path.name, "turn": number, "sensor": table.about.get("sensor", "")}
+        return Scene(name, safe_name(path.stem), cloud=replace(cloud, about=about), about=about)
+
+    def _numbers(self, path: Path) -> list[int]:
+        from pointkit.lidar.return_table import read_return_table
+        from puckbench.recordings.table_turns import whole_turns
+
+        return whole_turns(read_return_table(path))[:: self.every]

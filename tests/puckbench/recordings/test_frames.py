@@ -1,0 +1,156 @@
+"""Folders of frames: a file for each turn or message, with times and poses."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from cloud_files.clouds import read_cloud
+from cloud_files.pcd import read_pcd
+from cloud_files.poses import read_poses, read_times
+from pointkit.lidar.return_table import read_return_table
+from pointkit.lidar.sensors import load_sensor
+from puck.recordings.packet_turns import returns_of_packets
+from puckbench.cli import main
+from puckbench.recordings import message_returns
+from tests.puckbench.cli.test_round_trips import _done
+from tests.support.cloud_turns import STAMP_S, TURN_S, bag, turns
+from tests.support.sensor_scenes import ROOM, room
+from tests.support.spinning import pcap, rows, spin
+from virtual_lidar import open_error_model, open_sweep, scan, write_scan
+
+
+@pytest.fixture(autouse=True)
+def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.chdir(tmp_path)
+    Path("drive.pcap").write_bytes(pcap(rows(spin(packets=400))))
+    return tmp_path
+
+
+@pytest.mark.parametrize("form", ["pcd", "bin", "las", "laz", "ply", "csv"])
+def test_the_whole_turns_of_a_recording_are_frames(form: str) -> None:
+    returns = returns_of_packets(spin(packets=400))
+    whole = range(1, len(returns.turns) - 1)
+    row = _done("export", "drive.pcap", "frames/", "--format", form)
+    assert (row["frames"], row["first_turn"]) == (len(whole), 1)
+    files = sorted(Path("frames").iterdir())
+    names = [f"{number:06d}.{form}" for number in range(len(whole))]
+    assert [path.name for path in files] == [*names, "times.txt"]
+    for number, path in zip(whole, files, strict=False):
+        alone = Path(f"alone.{form}")
+        _done("export", "drive.pcap", alone, "--turns", number)
+        xyz = read_cloud(path, bin_columns="4" if form == "bin" else None).xyz
+        expected = read_cloud(alone, bin_columns="4" if form == "bin" else None).xyz
+        assert np.array_equal(xyz, expected)
+    clock_us = np.array([turn.times[0] for turn in returns.turns if turn.times is not None])
+    since_us = np.mod(clock_us.astype(np.int64) - int(clock_us[0]), 3_600_000_000)
+    assert np.array_equal(read_times(Path("frames/times.txt")), since_us[1:-1] / 1e6)
+
+
+def test_points_have_intensity_ring_and_time_since_the_frame() -> None:
+    _done("export", "drive.pcap", "frames", "--format", "pcd", "--turns", "2-3")
+    assert len(list(Path("frames").glob("*.pcd"))) == 2
+    frame = read_pcd(Path("frames/000000.pcd"))
+    assert [*frame] == ["x", "y", "z", "intensity", "ring", "time"]
+    times = read_times(Path("frames/times.txt"))
+    assert 0 <= frame["time"].min() < 0.002
+    assert frame["time"].max() <= np.diff(times)[0] + 1e-6
+
+
+def test_a_table_of_capture_gives_the_same_frames() -> None:
+    _done("capture", "drive.pcap", "returns.parquet")
+    _done("export", "drive.pcap", "a", "--format", "pcd")
+    _done("export", "returns.parquet", "b", "--format", "pcd")
+    table = read_return_table(Path("returns.parquet"))
+    assert len(list(Path("b").iterdir())) == len(np.unique(table["turn"])) - 1  # and the times
+    columns = read_pcd(Path("b/000000.pcd"))
+    rows_of_turn = table["turn"] == 1
+    assert np.array_equal(columns["intensity"], table["reflectivity"][rows_of_turn])
+    order = np.argsort(np.argsort(load_sensor("vlp16").laser_elevation_deg))
+    assert np.array_equal(columns["ring"], order[table["laser_id"][rows_of_turn]])
+    times = table["timestamp"][rows_of_turn]
+    assert columns["time"] == pytest.approx(times - times.min(), abs=1e-6)
+    assert read_times(Path("b/times.txt"))[0] == pytest.approx(times.min(), abs=1e-6)
+
+
+@pytest.mark.parametrize("absolute", [False, True])
+def test_messages_are_frames_at_their_first_point(
+    absolute: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(message_returns, "_BATCH", 3)  # batches follow one another
+    time = (lambda since, begin: STAMP_S + begin + since) if absolute else None
+    more = {"name": "timestamp", "kind": "<f8", "time": time} if time else {}
+    clouds = turns(5, **more)
+    clouds[3] = clouds[3][:0]
+    bag(Path("drive.mcap"), clouds)
+    row = _done("export", "drive.mcap", "frames", "--format", "pcd")
+    assert row["frames"] == 4
+    steps = np.array([0, 1, 2, 4]) * TURN_S
+    assert read_times(Path("frames/times.txt")) == pytest.approx(STAMP_S + steps, abs=1e-5)
+    last = read_pcd(Path("frames/000003.pcd"))
+    for name in ("x", "y", "z", "ring", "intensity"):
+        assert np.array_equal(last[name], clouds[4][name].astype(last[name].dtype))
+    assert last["time"].min() == 0
+    assert last["time"].max() == pytest.approx(TURN_S * 63 / 64, abs=1e-6)
+
+
+def test_frames_of_a_virtual_scan_are_in_the_sensors_frame_with_its_poses() -> None:
+    way = ((0, 0, 0, 0, 0, 0, 0), (0.3, 0.2, 0.1, 0, 0, 0, 0.3))
+    sweep = {"duration_s": 0.3, "frames_per_second": 10, "trajectory": way}
+    sensor, random = load_sensor("vlp16"), np.random.default_rng(0)
+    model = open_error_model("vlp16")
+    options = open_sweep({**sweep, "azimuth_step_deg": 2.0, "rotation_hz": 10})
+    table = scan(room(), sensor, options, model, ROOM / 2, random)
+    write_scan(Path("scan.parquet"), table)
+    _done("export", "scan.parquet", "frames", "--format", "ply", "--clean")
+    _, poses = read_poses(Path("frames/poses.txt"))
+    assert len(poses) == 3
+    assert read_times(Path("frames/times.txt")) == pytest.approx([0, 0.1, 0.2])
+    assert np.allclose(poses[0][:3, 3], ROOM / 2)
+    for number, pose in enumerate(poses):
+        cloud = read_cloud(f"frames/{number:06d}.ply")
+        begin = cloud.fields["time"] == cloud.fields["time"].min()
+        world = cloud.xyz[begin] @ pose[:3, :3].T + pose[:3, 3]
+        true = np.column_stack([table[axis][table["frame"] == number] for axis in "xyz"])
+        assert world == pytest.approx(true[begin], abs=1e-6)
+    assert np.linalg.norm(poses[2][:3, 3] - poses[0][:3, 3]) == pytest.approx(0.2236 * 2 / 3, 1e-3)
+
+
+@pytest.mark.parametrize(
+    ("words", "fault"),
+    [
+        (["drive.pcap", "full", "--format", "pcd"], "full: exists already, and is not an empty"),
+        (["drive.pcap", "drive.pcap", "--format", "pcd"], "drive.pcap: exists already"),
+        (["drive.pcap", "new", "--format", "pcd", "--turns", "99"], "drive.pcap: has turns 0 to"),
+        (["drive.pcap", "new", "--format", "pcd", "--clean"], "--clean: is for scans"),
+        (["other.ply", "new", "--format", "pcd"], "other.ply: no recording or table of turns"),
+        (["drive.pcap", "new"], "new: give it a suffix, or name the format"),
+        (["none.pcap", "new", "--format", "pcd"], "none.pcap: no such file"),
+    ],
+)
+def test_bad_input_is_one_line_and_nothing_is_written(
+    words: list[str], fault: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    Path("full").mkdir()
+    Path("full/a.txt").touch()
+    before = {path: path.stat().st_size for path in Path().rglob("*")}
+    assert main(["export", *words]) == 2
+    error = capsys.readouterr().err
+    assert fault in error
+    assert error.count("\n") == 1
+    assert {path: path.stat().st_size for path in Path().rglob("*")} == before
+
+
+def test_an_empty_folder_is_filled_and_a_failure_leaves_it_empty(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(message_returns, "_BATCH", 2)  # two frames are written before the fault
+    Path("frames").mkdir()
+    bag(Path("odd.mcap"), turns(5)[:4], frames=["sensor", "sensor", "other", "sensor"])
+    assert main(["export", "odd.mcap", "frames", "--format", "las"]) == 2
+    assert not list(Path().glob(".*"))
+    assert not list(Path("frames").iterdir())
+    _done("export", "drive.pcap", "frames", "--format", "las")
+    assert list(Path("frames").iterdir())
