@@ -51,10 +51,11 @@ def recorded(folder: Path, profile: str, frames: int = 1, nested: bool = True) -
 def test_every_format_gives_ranges_reflectivities_and_times(
     profile: str, nested: bool, tmp_path: Path
 ) -> None:
-    returns, whole, left_out = read_turns(recorded(tmp_path, profile, nested=nested))
+    read = read_turns(recorded(tmp_path, profile, nested=nested))
+    returns = read.returns
     ranges, reflectivities = images(profile)
     (turn,) = returns.turns
-    assert (whole, left_out) == (range(1), {})
+    assert (read.whole, read.left_out) == (range(1), {})
     np.testing.assert_array_equal(turn.ranges, ranges)
     assert turn.reflectivities is not None
     assert turn.times is not None
@@ -126,9 +127,10 @@ def test_lost_repeated_and_late_packets(tmp_path: Path) -> None:
     sent = [*first[9:], *second[:4], second[6], second[5], second[4], *second[6:], *third[:-2]]
     sent += [fourth[0], third[-1], *fourth[1:], *last[:3]]
     path.write_bytes(capture(sent))
-    returns, whole, _ = read_turns(path)
+    read = read_turns(path)
+    returns = read.returns
     assert [len(turn.azimuths) for turn in returns.turns] == [368, 512, 496, 512, 48]
-    assert whole == range(1, 4)
+    assert read.whole == range(1, 4)
     np.testing.assert_array_equal(returns.turns[1].ranges, images(COARSE, seed=65535)[0])
     kept = np.r_[0:480, 496:512]
     np.testing.assert_array_equal(returns.turns[2].ranges, images(COARSE, seed=65536)[0][:, kept])

@@ -38,9 +38,9 @@ def test_packets_and_metadata_are_read_and_compressed(
 ) -> None:
     path = bag(tmp_path / "drive.bag", SENT, TEXT, storage, package, extra)  # type: ignore[arg-type]
     assert not has_clouds(path)
-    returns, whole, _ = read_turns(path)
-    assert whole == range(3)
-    np.testing.assert_array_equal(returns.turns[1].ranges, images(DUAL)[0])
+    read = read_turns(path)
+    assert read.whole == range(3)
+    np.testing.assert_array_equal(read.returns.turns[1].ranges, images(DUAL)[0])
     table = read_recording(path)
     assert table.about["topic"] == "/ouster/lidar_packets"
     assert table["timestamp"][-1] == pytest.approx(0.2511)
