@@ -133,8 +133,8 @@ def read_cloud_messages(
 
 def _are_plausible(columns: Columns) -> bool:
     """Return whether coordinates have usual magnitudes, as those of exchanged bytes do not."""
-    sizes = np.abs(np.concatenate([columns[axis] for axis in "xyz" if axis in columns] or [[]]))
-    sizes = sizes[np.isfinite(sizes) & (sizes > 0)]
+    axes = [np.abs(columns[axis]) for axis in "xyz" if axis in columns]
+    sizes = np.concatenate([axis[np.isfinite(axis) & (axis > 0)] for axis in axes] or [np.zeros(0)])
     is_usual = (sizes > _SMALLEST_M) & (sizes < _LARGEST_M)
     return not len(sizes) or float(is_usual.mean()) > _MOSTLY
 
