@@ -120,7 +120,7 @@ def export_file(path: Path, source: Path) -> dict[str, Any]:
 
 def _with_colours_of(cloud: PointCloud, source: Path) -> PointCloud:
     """Return a cloud with the colours of 16 bits of its file, if it has such colours."""
-    wide = None if cloud.colours is None else wide_colours(source)
+    wide: Any = None if cloud.colours is None else wide_colours(source)
     if wide is None or len(wide) != len(cloud):
         return cloud
     fields = {name: part for name, part in cloud.fields.items() if name not in WIDE_COLOURS}

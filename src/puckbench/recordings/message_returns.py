@@ -2,12 +2,13 @@ from __future__ import annotations
 
 import logging
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from pointkit.errors import InputError, naming
 from pointkit.geometry.cloud import Floats, check_points
@@ -177,7 +178,7 @@ def iterate_messages(
     tell_missing(label, missing)
 
 
-def _named(columns: Columns, seconds: Floats | None) -> Columns:
+def _named(columns: Mapping[str, NDArray[Any]], seconds: Floats | None) -> Columns:
     """Return coordinates, rings, intensities and times of points under these names."""
     result = {axis: columns[axis] for axis in "xyz"}
     for name, fields in (("ring", LASERS[::-1]), ("intensity", REFLECTIVITIES)):
