@@ -18,6 +18,7 @@ LARGEST_CLOUD = 3 << 24
 """Maximum number of bytes of a cloud's data. Larger clouds are not found."""
 _FRAME_BYTES = 64
 """Number of bytes before a cloud's size in which the name of its frame is searched for."""
+_BLOCK = 1 << 16
 _FRAME = re.compile(rb"([!-~]*)\0*\Z")
 _NAME = re.compile(rb"[ -~]{0,64}")
 _MOST_FIELDS, _MOST_VALUES = 64, 4096
@@ -138,16 +139,18 @@ def find_clouds(data: bytes) -> Iterator[FoundCloud]:
 
     The last cloud may extend beyond the end of the data. It has no layout if its header does.
     """
-    hits = {encoding: data.find(encoding.x) for encoding in _ENCODINGS}
-    while hits := {encoding: hit for encoding, hit in hits.items() if hit >= 0}:
-        encoding = min(hits, key=lambda each: hits[each])
-        end = hits[encoding] + 1
-        if cloud := _cloud_with_x(data, hits[encoding], encoding):
+    start = 0
+    while start < len(data):
+        end = start + _BLOCK  # so that the data of clouds are not searched
+        places = ((data.find(each.x, start, end + len(each.x)), each) for each in _ENCODINGS)
+        place, encoding = min((hit for hit in places if hit[0] >= 0), default=(-1, None))
+        if encoding is None:
+            start = end
+            continue
+        start = place + 1
+        if cloud := _cloud_with_x(data, place, encoding):
             yield cloud
-            end = cloud.end
-        for each, hit in hits.items():
-            if hit < end:
-                hits[each] = data.find(each.x, end)
+            start = cloud.end
 
 
 def _cloud_with_x(data: bytes, place: int, encoding: _Encoding) -> FoundCloud | None:

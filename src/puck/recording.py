@@ -387,11 +387,6 @@ class Window(NamedTuple):
     packets: FoundPackets
     clouds: list[FoundCloud]
 
-    @property
-    def found(self) -> int:
-        """Number of bytes of packets and clouds."""
-        return self.packets.bytes() + sum(cloud.end - cloud.start for cloud in self.clouds)
-
 
 def search(windows: Windows, formats: list[PacketFormat]) -> Iterator[Window]:
     """Search a recording for packets and clouds, and yield it window by window.
@@ -494,8 +489,8 @@ class _BatchEncoder:
         gaps = [
             data[first:end].tobytes() for first, end in zip(edges[::2], edges[1::2], strict=True)
         ]
-        # Gaps that are larger than what was found are content of other kinds.
-        are_headers = len(data) < 2 * window.found
+        # Gaps that are larger than the packets are content of other kinds.
+        are_headers = len(data) < 2 * packets.bytes()
         body = base_128(len(pieces)) + encode_gaps(gaps, are_headers)
         batch.records.append(Record(RecordKind.GAPS, body))
         return batch

@@ -6,6 +6,7 @@ overflow pages. In this order, the beginning follows directly before the rest.
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterator
 from typing import IO, NamedTuple
 
@@ -240,6 +241,12 @@ class PageWriter:
             self._at, rest = self._at + len(part), rest[len(part) :]
 
 
+def state_of(file: IO[bytes]) -> tuple[int, int]:
+    """Return the size of a file in bytes and the time of its last change."""
+    status = os.fstat(file.fileno())
+    return status.st_size, status.st_mtime_ns
+
+
 class PageReader:
     """Stream of the content of an SQLite file, in the order of its parts.
 
@@ -251,10 +258,14 @@ class PageReader:
         Number of bytes of a page.
     parts
         Position of the first byte of each part in the content, and length in bytes.
+    state
+        What `state_of` returned of the file before it was searched for the parts.
     """
 
-    def __init__(self, stream: IO[bytes], page: int, parts: list[tuple[int, int]]) -> None:
-        self._stream, self._page, self._parts = stream, page, iter(parts)
+    def __init__(
+        self, stream: IO[bytes], page: int, parts: list[tuple[int, int]], state: tuple[int, int]
+    ) -> None:
+        self._stream, self._page, self._parts, self._state = stream, page, iter(parts), state
         self._at, self._end = 0, 0
 
     def read(self, size: int) -> bytes:
@@ -262,6 +273,8 @@ class PageReader:
         if self._at == self._end:
             first, length = next(self._parts, (0, 0))
             self._at, self._end = first, first + length
+            if not length and state_of(self._stream) != self._state:
+                raise InputError(f"{self._stream.name}: changes while it is read")
         content = self._page - LINK_BYTES
         end = min(self._at + size, self._end)
         first, last = self._at // content, -(-end // content)
@@ -269,7 +282,7 @@ class PageReader:
         raw = self._stream.read((last - first) * self._page)
         pages = np.frombuffer(raw, np.uint8)
         if len(raw) < (last - first) * self._page:
-            raise InputError("the file changes while it is read")
+            raise InputError(f"{self._stream.name}: changes while it is read")
         part = pages.reshape(-1, self._page)[:, LINK_BYTES:].ravel()
         part = part[self._at - first * content : end - first * content]
         self._at = end

@@ -20,7 +20,7 @@ from puck.chunks import MAGICS, ChunkOpener
 from puck.gaps import Bytes, compress_bytes
 from puck.records import Readable, Record, RecordKind, read_up_to
 from puck.sqlite_pages import LINK_BYTES, MAGIC, encode_links, page_size
-from puck.sqlite_payloads import PageOrder, PageReader, encode_payloads, find_payloads
+from puck.sqlite_payloads import PageOrder, PageReader, encode_payloads, find_payloads, state_of
 
 _START_BYTES = 18
 """Number of a file's first bytes that show what it is."""
@@ -178,7 +178,7 @@ def _windows_of_file(file: IO[bytes]) -> Windows:
     page = page_size(start, size)
     if not page:
         return _windows_of_stream(file, start, size)
-    checked, links, payloads = _Checked(file, start), [], []
+    checked, links, payloads, state = _Checked(file, start), [], [], state_of(file)
     while content := read_up_to(checked, _PAGES_AT_ONCE * page):
         pages = np.frombuffer(content, np.uint8, len(content) // page * page).reshape(-1, page)
         links.append(pages[:, :LINK_BYTES].copy())
@@ -194,4 +194,4 @@ def _windows_of_file(file: IO[bytes]) -> Windows:
     if payloads:
         header.append(Record(RecordKind.PAYLOADS, encode_payloads(payloads)))
     content_size = size // page * (page - LINK_BYTES)
-    return Windows(checked, PageReader(file, page, parts), tuple(header), content_size)
+    return Windows(checked, PageReader(file, page, parts, state), tuple(header), content_size)

@@ -78,9 +78,21 @@ def fault_of(times: NDArray[Any], unit: TimeUnit, azimuth: Floats | None) -> str
             return f"has times of {times.dtype} in steps of {step:g} s"
     if len(times) > 1 and np.ptp(times) == 0:
         return f"has one time for all points ({times[0]:g})"
-    if azimuth is not None and _are_shares(times, azimuth):
+    if azimuth is not None and are_shares(times, azimuth):
         return f"has shares of a turn ({times.min():g} to {times.max():g}), which are no times"
     return None
+
+
+def are_shares(times: NDArray[Any], azimuth: Floats) -> bool:
+    """Return whether times (n,) are fractions of a revolution, as azimuths (n,), rad, tell.
+
+    Lasers may fire at different azimuths, since only the sum of the rotations counts.
+    """
+    if times.dtype.kind != "f" or np.ptp(times) > 1 or np.abs(times).max() > 1:
+        return False
+    steps, turned = _near_steps(times, azimuth)
+    turns, span = abs(turned.sum()) / (2 * np.pi), steps.sum()
+    return bool(abs(turns - span) < _OFF_ONE * span)
 
 
 def seconds_of(times: NDArray[Any], unit: TimeUnit) -> Floats:
@@ -122,13 +134,6 @@ def largest_leap(seconds: Floats) -> tuple[float, float] | None:
     return float(steps.max()), float(instants[int(np.argmax(steps))])
 
 
-def _are_shares(times: NDArray[Any], azimuth: Floats) -> bool:
-    if times.dtype.kind != "f" or np.ptp(times) > 1 or np.abs(times).max() > 1:
-        return False
-    turns = _turns_per_tick(times, azimuth)
-    return turns is not None and abs(turns - 1) < _OFF_ONE
-
-
 def _unit_by_rotation(times: NDArray[Any], azimuth: Floats) -> TimeUnit | None:
     turns = _turns_per_tick(times, azimuth)
     return None if turns is None else _nearest_unit(turns, _ROTATION_HZ)
@@ -142,14 +147,25 @@ def _nearest_unit(per_tick: float, per_second: float) -> TimeUnit | None:
 
 
 def _turns_per_tick(times: NDArray[Any], azimuth: Floats) -> float | None:
+    steps, turned = _near_steps(times, azimuth)
+    if not turned.any():
+        return None
+    usual = steps <= np.quantile(steps, _NO_LEAP)
+    return float(np.abs(turned[usual]).sum() / (2 * np.pi) / steps[usual].sum())
+
+
+def _near_steps(times: NDArray[Any], azimuth: Floats) -> tuple[Floats, Floats]:
+    """Return the steps between successive times, and between their azimuths if these are small.
+
+    If most steps of azimuths are large, the result is empty.
+    """
     instants, rows = np.unique(times, return_index=True)
     steps = np.diff(instants).astype(np.float64)
-    turned = np.abs(np.mod(np.diff(azimuth[rows]) + np.pi, 2 * np.pi) - np.pi)
-    near = turned < _LARGEST_STEP_RAD
-    if near.sum() < max(_FEWEST_STEPS, len(near) / 2) or not turned[near].any():
-        return None
-    near &= steps <= np.quantile(steps[near], _NO_LEAP)
-    return float(turned[near].sum() / (2 * np.pi) / steps[near].sum())
+    turned = np.mod(np.diff(azimuth[rows]) + np.pi, 2 * np.pi) - np.pi
+    near = np.abs(turned) < _LARGEST_STEP_RAD
+    if near.sum() < max(_FEWEST_STEPS, len(near) / 2):
+        near[:] = False
+    return steps[near], turned[near]
 
 
 def _unit_since_1970(times: NDArray[Any]) -> TimeUnit | None:

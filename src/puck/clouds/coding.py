@@ -126,6 +126,7 @@ class PointCoder:
         """The rays of the last cloud, if it had any."""
         return self._state.rays
 
+    @np.errstate(all="ignore")
     def encode(self, points: Bytes, width: int) -> bytes:
         """Return bytes from which `decode` restores points, or no bytes if there are too many.
 
@@ -145,6 +146,7 @@ class PointCoder:
         self._code(plan, values, width, writer, aim)
         return base_128(len(head)) + head + writer.joined()
 
+    @np.errstate(all="ignore")
     def decode(self, reader: Reader, count: int, width: int) -> Bytes:
         """Return the points (count, point_step) that `encode` encoded.
 

@@ -127,21 +127,18 @@ class Rays:
             along_more * cosines - side_more * sines,
             along_more * sines + side_more * cosines,
         )
-        with np.errstate(invalid="ignore", over="ignore"):
-            return np.asarray((values - first) / np.where(more == 0, 1.0, more))
+        return np.asarray((values - first) / np.where(more == 0, 1.0, more))
 
     def from_level(self, rings: Rows, x: Singles, y: Singles) -> Floats:
         """Return ranges (n,) in units from the distances (n,) of points to the axis."""
         wide, long = x.astype(np.float64), y.astype(np.float64)
         along, side, more = self._straight()
-        with np.errstate(invalid="ignore", over="ignore"):
-            square = wide * wide + long * long - (side * side)[rings]
-            return np.asarray((np.sqrt(np.maximum(square, 0.0)) - along[rings]) / more[rings])
+        square = wide * wide + long * long - (side * side)[rings]
+        return np.asarray((np.sqrt(np.maximum(square, 0.0)) - along[rings]) / more[rings])
 
     def heights(self, rings: Rows, ranges: Floats) -> Floats:
         """Return z (n,) of points at ranges (n,) in units."""
-        with np.errstate(invalid="ignore", over="ignore"):
-            return np.asarray(self.lines[rings, 2] + self.lines[rings, 5] * ranges)
+        return np.asarray(self.lines[rings, 2] + self.lines[rings, 5] * ranges)
 
     def _straight(self) -> tuple[Floats, Floats, Floats]:
         """Return each line's point at range 0, along its beam and sideways, and its increment."""

@@ -27,6 +27,8 @@ CONFIDENCE = 0.95
 BETTER, NOT_WORSE, WORSE, UNDECIDED = "better", "not worse", "worse", "undecided"
 NO_VERDICT = "no verdict"
 """The verdict for fewer than `MIN_SCENES` scenes."""
+WITHIN, BEYOND = "within the margin", "beyond the margin"
+"""Verdicts on a few scenes alone: whether the greatest of their differences is below the margin."""
 
 
 @dataclass(frozen=True)

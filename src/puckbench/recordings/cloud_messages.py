@@ -1,7 +1,9 @@
 from __future__ import annotations
 
+import logging
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -24,6 +26,10 @@ from puck.recordings.ros_bags import is_bag, read_messages, read_topics
 from puck.recordings.topics import Topic, choose_topic
 
 CLOUD_KINDS = (POINT_CLOUD2, COMPRESSED_POINT_CLOUD2)
+_SMALLEST_M, _LARGEST_M, _MOSTLY = 1e-6, 1e8, 0.9
+"""Usual magnitudes of coordinates, and the share that has them if bytes are in the right order.
+A sixth of the others has them by chance."""
+_log = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True)
@@ -117,10 +123,28 @@ def read_cloud_messages(
     for number, message in zip(numbers, bag.messages, strict=True):
         with naming(f"{path}: topic {bag.topic}: message {number}"):
             columns = columns_of(message)
+            if not _are_plausible(columns):
+                swapped = columns_of(replace(message, is_bigendian=not message.is_bigendian))
+                if _are_plausible(swapped):
+                    _tell_byte_order(f"{path}: topic {bag.topic}")
+                    columns = swapped
         stamp, frame = message.header.stamp, message.header.frame_id.lstrip("/")
         stamp_ns = stamp.sec * 10**9 + stamp.nanosec
         clouds.append(CloudMessage(columns, stamp_ns, frame, message.height > 1))
     return clouds
+
+
+def _are_plausible(columns: Columns) -> bool:
+    """Return whether coordinates have usual magnitudes, as those of exchanged bytes do not."""
+    axes = [np.abs(columns[axis]) for axis in "xyz" if axis in columns]
+    sizes = np.concatenate([axis[np.isfinite(axis) & (axis > 0)] for axis in axes] or [np.zeros(0)])
+    is_usual = (sizes > _SMALLEST_M) & (sizes < _LARGEST_M)
+    return not len(sizes) or float(is_usual.mean()) > _MOSTLY
+
+
+@cache
+def _tell_byte_order(label: str) -> None:
+    _log.warning("%s: the order of bytes is not that of the field is_bigendian: exchanged", label)
 
 
 def read_recorded_cloud(

@@ -74,7 +74,7 @@ def write_frames(folder: Path, form: str, frames: Iterable[Frame], count: int) -
     frames
         The frames, of which one at a time is held in memory.
     count
-        Number of frames, for the display of progress.
+        Number of frames, of which those without a point may be missing.
 
     Returns
     -------
@@ -87,7 +87,7 @@ def write_frames(folder: Path, form: str, frames: Iterable[Frame], count: int) -
         The folder is not empty, no frame has a point, or a frame cannot be written.
     """
     progress, told = Progress("frame"), list[str]()
-    seconds, poses, points, empty = list[float](), list[Floats](), 0, 0
+    seconds, poses, points = list[float](), list[Floats](), 0
 
     def tell_once(path: Path, text: str) -> None:
         if not told:
@@ -98,7 +98,6 @@ def write_frames(folder: Path, form: str, frames: Iterable[Frame], count: int) -
         for number, frame in enumerate(frames, 1):
             progress(number, count)
             if not len(frame.columns["x"]):
-                empty += 1
                 continue
             path = place / f"{len(seconds):06d}.{form}"
             points += export_points(path, frame.columns, tell_once)["points"]
@@ -110,7 +109,7 @@ def write_frames(folder: Path, form: str, frames: Iterable[Frame], count: int) -
         (place / "times.txt").write_text("".join(f"{time:.6f}\n" for time in seconds))
         if poses:
             (place / "poses.txt").write_bytes(kitti_bytes(np.array(poses)))
-    if empty:
+    if empty := count - len(seconds):
         _log.warning("%s: left out %d frames without a point", folder, empty)
     return {"frames": len(seconds), "points": points}
 

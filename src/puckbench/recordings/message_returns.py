@@ -120,7 +120,8 @@ def read_message_columns(
     with naming(label):
         if not 0 <= first <= last < count:
             raise InputError(f"has messages 0 to {count - 1}, not {first} to {last}")
-        columns, _ = _read(path, name, range(first, last + 1), time_unit, label)
+        apart_s = _time_between(path, name, last, count) if first == last else None
+        columns, _ = _read(path, name, range(first, last + 1), time_unit, label, apart_s)
     return _named(columns, columns["timestamp"] if columns["timed"].all() else None)
 
 
@@ -187,8 +188,22 @@ def _named(columns: Mapping[str, NDArray[Any]], seconds: Floats | None) -> Colum
     return result | ({} if seconds is None else {"time": seconds})
 
 
+def _time_between(path: Path, topic: str, number: int, count: int) -> float | None:
+    """Return the time from a message to the next or from the one before, in s, by their stamps."""
+    first = min(number, count - 2)
+    if first < 0:
+        return None
+    one, other = read_cloud_messages(path, topic, [first, first + 1])
+    return max(other.stamp_ns - one.stamp_ns, 0) / 1e9 or None
+
+
 def _read(
-    path: Path, topic: str, numbers: Sequence[int], unit: TimeUnit | None, label: str
+    path: Path,
+    topic: str,
+    numbers: Sequence[int],
+    unit: TimeUnit | None,
+    label: str,
+    apart_s: float | None = None,
 ) -> tuple[Columns, dict[str, int]]:
     """Read the points of messages without missing returns, and count the missing returns."""
     messages, missing = [], 0
@@ -200,7 +215,7 @@ def _read(
         raise InputError("no points in its messages")
     counts = tell_missing(label, missing)
     _check_alike(messages)
-    seconds, are_timed = seconds_of_messages(messages, unit, label)
+    seconds, are_timed = seconds_of_messages(messages, unit, label, apart_s)
     names = [each for each in messages[0].columns if each != time_field(messages[0].columns)]
     columns = {each: np.concatenate([part.columns[each] for part in messages]) for each in names}
     sizes = [len(part) for part in seconds]

@@ -16,6 +16,7 @@ from pointkit.geometry.cloud import Floats
 from pointkit.lidar.times import (
     PER_SECOND,
     TimeUnit,
+    are_shares,
     falls,
     fault_of,
     is_since_1970,
@@ -61,13 +62,17 @@ def time_field(columns: Columns) -> str | None:
 
 
 def seconds_of_messages(
-    messages: Sequence[MessagePoints], unit: TimeUnit | None, label: str
+    messages: Sequence[MessagePoints],
+    unit: TimeUnit | None,
+    label: str,
+    apart_s: float | None = None,
 ) -> tuple[list[Floats], bool]:
     """Return when the points of messages were measured, relative to the first message.
 
     Times of points are counted from the time stamp of their message. If they increase from message
-    to message, they are counted from the earliest point of the first message instead. If the
-    messages have no usable times, all points of a message get the time of its stamp.
+    to message, they are counted from the earliest point of the first message instead. Shares of a
+    turn are multiplied by the usual time between messages. If the messages have no usable times,
+    all points of a message get the time of its stamp.
 
     Parameters
     ----------
@@ -78,6 +83,8 @@ def seconds_of_messages(
     label
         Text with which warnings begin. There are warnings of unusable times, and of messages that
         are lost, late or out of order.
+    apart_s
+        Usual time between messages, in s; by default, the stamps tell it.
 
     Returns
     -------
@@ -93,7 +100,8 @@ def seconds_of_messages(
     """
     stamps_s = np.array([(each.stamp_ns - messages[0].stamp_ns) / 1e9 for each in messages])
     name = time_field(messages[0].columns)
-    times = None if name is None else _usable(messages, name, unit, stamps_s, label)
+    apart_s = _usual_step(stamps_s) or apart_s
+    times = None if name is None else _usable(messages, name, unit, apart_s, label)
     if times is None:
         _tell_order(messages, stamps_s, label, "stamps")
         stamped = zip(messages, stamps_s, strict=True)
@@ -111,7 +119,7 @@ def _usable(
     messages: Sequence[MessagePoints],
     name: str,
     unit: TimeUnit | None,
-    stamps_s: Floats,
+    apart_s: float | None,
     label: str,
 ) -> tuple[bool, list[Floats]] | None:
     """Return whether all times share one origin, and the times in s; None if they are unusable."""
@@ -121,7 +129,10 @@ def _usable(
     largest = max(range(len(times)), key=lambda k: len(times[k]))
     sample, columns = times[largest], messages[largest].columns
     azimuth = np.arctan2(-columns["y"], columns["x"])
-    apart_s = _usual_step(stamps_s)
+    if unit is None and apart_s and apart_s < _LONGEST_TURN_S and are_shares(sample, azimuth):
+        told = (label, name, sample.min(), sample.max(), apart_s)
+        _log.warning("%s: field %s has shares of a turn (%g to %g), taken as shares of %g s", *told)
+        return False, [np.asarray(part * apart_s, dtype=np.float64) for part in times]
     inferred = unit or unit_of(sample, azimuth, apart_s) or _UNITS.get(name)
     if inferred is None:
         raise InputError(f"the unit of field {name} cannot be inferred: add --time-unit ns")

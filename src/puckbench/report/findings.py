@@ -10,12 +10,18 @@ from typing import TYPE_CHECKING, Any
 from puckbench.figures.binning import ordered_rates
 from puckbench.figures.style import FigureStyle
 from puckbench.metrics.lossless import lossless_rows
-from puckbench.metrics.statistics import BETTER, MIN_SCENES, NO_VERDICT, NOT_WORSE, UNDECIDED
+from puckbench.metrics.statistics import (
+    BETTER,
+    MIN_SCENES,
+    NO_VERDICT,
+    NOT_WORSE,
+    UNDECIDED,
+    WITHIN,
+)
 from puckbench.report.bd_rate_text import delta_note, delta_text, delta_value
 from puckbench.report.plot_data import codec_payload
 from puckbench.results.columns import column_named
 from puckbench.tables.cells import interval_text
-from puckbench.tables.odometry_differences import WITHIN
 from puckbench.tables.uses import FEWEST, NEAREST, USES
 
 if TYPE_CHECKING:

@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from pointkit.errors import InputError
-from puckbench.metrics.statistics import BETTER, NO_VERDICT, NOT_WORSE
-from puckbench.tables.odometry_differences import BEYOND, WITHIN, odometry_differences
+from puckbench.metrics.statistics import BETTER, BEYOND, NO_VERDICT, NOT_WORSE, WITHIN
+from puckbench.tables.odometry_differences import odometry_differences
 from puckbench.tables.registry import ODOMETRY, TABLES, UNDECODED
 
 if TYPE_CHECKING:

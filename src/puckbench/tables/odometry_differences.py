@@ -8,9 +8,11 @@ import numpy as np
 
 from pointkit.errors import InputError
 from puckbench.metrics.statistics import (
+    BEYOND,
     NO_VERDICT,
     SCENE,
     UNDECIDED,
+    WITHIN,
     Estimate,
     means_over_seeds,
 )
@@ -22,12 +24,10 @@ from puckbench.tables.registry import ODOMETRY, TABLES, UNDECODED
 if TYPE_CHECKING:
     import pandas as pd
 
-CODE = ("puckbench.metrics.tasks.odometry",)
+CODE = ("puckbench.metrics.tasks.odometry", "puckbench.tables.odometry_margins")
 
 ALL = "all"
 """Value of ``dataset`` for the trajectories of all data sets with the same measure."""
-WITHIN, BEYOND = "within the margin", "beyond the margin"
-"""Verdicts on fewer than 6 deviations from the undecoded trajectory, for these drives alone."""
 ODOMETRIES = {"KISS-ICP": "", "GICP": GICP}
 """Names of the odometries, and the prefix of their columns."""
 

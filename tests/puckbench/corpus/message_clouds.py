@@ -99,6 +99,13 @@ TIMES = [
     timed("livox_boot_ns.mcap", "timestamp", "<f8", since_boot(1e9)),
     timed("hesai_week_of_gps.db3", "timestamp", "<f8", since_boot(at_s=345_600.0)),
     timed("boot_without_stamps.mcap", "timestamp", "<f8", since_boot(), stamps_s=[0.0] * COUNT),
+    timed(
+        "carla_shares.bag",
+        "time",
+        "<f4",
+        scaled(1 / TURN_S),
+        warning=r"has shares of a turn \(0 to 0\.984375\), taken as shares of 0\.125 s$",
+    ),
     untimed(
         "hesai_epoch_as_f4.bag",
         "<f4",
@@ -110,12 +117,6 @@ TIMES = [
         "<f4",
         since_1970(1e9),
         r"has times of float32 in steps of 137\.439 s",
-    ),
-    untimed(
-        "carla_shares.bag",
-        "<f4",
-        lambda since, _: since / TURN_S,
-        r"has shares of a turn \(0 to 0\.984375\), which are no times",
     ),
     untimed(
         "azimuth_as_time.bag",

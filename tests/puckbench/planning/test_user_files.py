@@ -23,6 +23,8 @@ from puckbench.report.reference_results import read_reference
 from puckbench.scene_sets.registry import open_scene_set
 from tests.cloud_files.test_cloud_formats import write_las
 from tests.support.bag_files import sqlite_bag
+from tests.support.capture_bytes import ethernet, ipv4, udp
+from tests.support.capture_bytes import pcap as pcap_of_frames
 from tests.support.cloud_bags import cloud_bag
 from tests.support.spinning import pcap, rows, spin
 
@@ -297,6 +299,20 @@ def test_a_topic_of_several_is_chosen() -> None:
         made("two.mcap", options={"topic": "/c"})
     with pytest.raises(InputError, match="--topic: only ROS bags have topics"):
         made("mine/a.npy", options={"topic": "/b"})
+
+
+def test_a_sensor_of_several_is_chosen() -> None:
+    packets = rows(spin(packets=600))
+    frames = [ethernet(ipv4(udp(row), f"10.0.0.{k % 2}")) for k, row in enumerate(packets)]
+    Path("two.pcap").write_bytes(pcap_of_frames(*frames))
+    with pytest.raises(InputError, match=r"two.pcap: data packets of 2 streams .*: choose one"):
+        made("two.pcap")
+    config = made("two.pcap", options={"stream": "10.0.0.1"})
+    options = {"path": "two.pcap", "stream": "10.0.0.1"}
+    assert config["scene_sets"]["recordings"]["options"] == options
+    assert Plan(checked(config), check_scenes=True).datasets["recordings"].clouds
+    with pytest.raises(InputError, match="--stream: only for recordings"):
+        made("mine/a.npy", options={"stream": "10.0.0.1"})
 
 
 def test_codecs_of_ones_own_are_called_after_their_class() -> None:

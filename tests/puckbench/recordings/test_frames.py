@@ -77,7 +77,7 @@ def test_a_table_of_capture_gives_the_same_frames() -> None:
 
 @pytest.mark.parametrize("absolute", [False, True])
 def test_messages_are_frames_at_their_first_point(
-    absolute: bool, monkeypatch: pytest.MonkeyPatch
+    absolute: bool, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.setattr(message_returns, "_BATCH", 3)  # batches follow one another
     time = (lambda since, begin: STAMP_S + begin + since) if absolute else None
@@ -87,6 +87,7 @@ def test_messages_are_frames_at_their_first_point(
     bag(Path("drive.mcap"), clouds)
     row = _done("export", "drive.mcap", "frames", "--format", "pcd")
     assert row["frames"] == 4
+    assert "frames: left out 1 frames without a point" in capsys.readouterr().err
     steps = np.array([0, 1, 2, 4]) * TURN_S
     assert read_times(Path("frames/times.txt")) == pytest.approx(STAMP_S + steps, abs=1e-5)
     last = read_pcd(Path("frames/000003.pcd"))

@@ -13,10 +13,12 @@ import pytest
 from pointkit.errors import InputError
 from pointkit.lidar.return_table import ReturnTable
 from pointkit.lidar.sensors import load_sensor
+from puckbench.recordings.message_returns import read_message_columns
 from puckbench.recordings.reading import read_recording
 from tests.support.cloud_bags import Rows
 from tests.support.cloud_turns import (
     BOOT_S,
+    RANKS,
     SINCE_S,
     STAMP_S,
     TURN_S,
@@ -101,11 +103,6 @@ LEFT_OUT: dict[str, tuple[str, Time, str]] = {
         lambda since, begin: 40_000 + begin + since,
         "field time has times of float32 in steps of 0.00390625 s",
     ),
-    "shares": (
-        "<f4",
-        lambda since, _: since / TURN_S,
-        r"field time has shares of a turn \(0 to 0.984375\), which are no times",
-    ),
     "degrees": (
         "<f4",
         lambda since, _: 360 * since / TURN_S,
@@ -130,6 +127,40 @@ def test_values_that_are_no_times_of_firings_are_left_out_in_one_line(
     (line,) = caplog.messages
     assert line.startswith(f"{tmp_path / 'a.db3'}: topic /points: field time ")
     assert re.search(fault + ": its times are left out$", line), line
+
+
+@pytest.mark.parametrize("offset_deg", [0, 4])
+def test_shares_of_a_turn_are_multiplied_by_the_time_between_messages(
+    offset_deg: float, tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    """Also if each laser fires at an azimuth and a time of its own."""
+    clouds = turns(COUNT, time=lambda since, _: (since + RANKS * 1e-5) / TURN_S)
+    for rows in clouds:
+        ahead = np.radians(offset_deg * (RANKS % 2))
+        x, y = rows["x"].copy(), rows["y"].copy()
+        rows["x"] = x * np.cos(ahead) + y * np.sin(ahead)
+        rows["y"] = y * np.cos(ahead) - x * np.sin(ahead)
+    table = read(tmp_path / "a.mcap", clouds)
+    expected = TRUE_S + np.tile(RANKS, COUNT) * 1e-5
+    assert table["timestamp"] == pytest.approx(expected, abs=2e-6)
+    (line,) = caplog.messages
+    assert re.search(
+        r"field time has shares of a turn \(0 to 0\.98.*\), taken as shares of 0\.125 s", line
+    )
+    for number in (0, 2, COUNT - 1):
+        part = read_message_columns(tmp_path / "a.mcap", None, (number, number))["time"]
+        assert part == pytest.approx(SINCE_S + RANKS * 1e-5, abs=2e-6)
+
+
+def test_shares_of_a_turn_that_stands_alone_are_left_out(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    table = read(tmp_path / "a.db3", turns(1, time=lambda since, _: since / TURN_S))
+    assert not table["timestamp"].any()
+    (line,) = caplog.messages
+    assert line.endswith(
+        "shares of a turn (0 to 0.984375), which are no times: its times are left out"
+    )
 
 
 def test_a_named_unit_is_taken_at_its_word(

@@ -119,6 +119,22 @@ def test_points_at_the_origin_of_an_image_are_missing_returns(tmp_path: Path) ->
         assert scene.cloud.fields["ring"].tolist() == kept
 
 
+@pytest.mark.parametrize("is_compressed", [False, True])
+def test_messages_whose_byte_order_is_not_the_stated_one_are_read_right(
+    is_compressed: bool, tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    clouds = [cloud(number, 50).astype(KIND.newbyteorder(">")) for number in range(2)]
+    path = cloud_bag(tmp_path / "a.mcap", {"/points": clouds}, is_compressed=is_compressed)
+    scenes = clouds_of(path)
+    for number, name in enumerate(scenes.names()):
+        read, expected = scenes.load(name).cloud, cloud(number, 50)
+        assert read is not None
+        assert np.array_equal(read.xyz, np.column_stack([expected[axis] for axis in "xyz"]))
+        assert read.fields["ring"].tolist() == list(range(50))
+    told = "topic /points: the order of bytes is not that of the field is_bigendian: exchanged"
+    assert caplog.messages == [f"{path}: {told}"]
+
+
 def test_a_topic_is_chosen_of_several(tmp_path: Path) -> None:
     path = bag_of(tmp_path / "a.bag", **{"/other": [cloud(7), cloud(8)]})
     scenes = clouds_of(path, topic="/other")
