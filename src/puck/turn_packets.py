@@ -13,7 +13,7 @@ import numpy as np
 
 from pointkit.coding.byte_io import Reader
 from pointkit.files import open_file
-from puck.gaps import decode_gaps
+from puck.gaps import decode_gaps, decompress_bytes
 from puck.packet_kinds import (
     Kind,
     PacketFormat,
@@ -48,10 +48,13 @@ class TurnIndex(ABC):
         The capture, which may be compressed.
     kind
         Kind of its packets.
+    metadata
+        Content of the JSON file of an Ouster sensor, in the capture or beside it; else empty.
     """
 
     path: Path
     kind: Kind
+    metadata: bytes
 
     @property
     @abstractmethod
@@ -119,7 +122,8 @@ def _index_of_recording(path: Path) -> TurnIndex | None:
     with windows_of(path) as windows:
         if not is_packet_capture(windows.next(_START_BYTES)[0].tobytes()):
             return None
-        formats = formats_of(described_sensors(path)[0])
+        sensors, metadata = described_sensors(path)
+        formats = formats_of(sensors)
         for content, packets, _ in search(windows, formats):
             form, places = packets
             if not len(places):
@@ -139,7 +143,7 @@ def _index_of_recording(path: Path) -> TurnIndex | None:
         if not found or not _are_alike(lengths):
             return None
         ((kind, number, _),) = found
-        return _RecordingIndex(path, kind, formats[number], spans)
+        return _RecordingIndex(path, kind, metadata, formats[number], spans)
 
 
 @dataclass(frozen=True)
@@ -188,7 +192,15 @@ def _index_of_stream(path: Path) -> TurnIndex | None:
         if not _is_capture(file, places):
             return None
         layout = read_record(file, layouts[0].at).body
-        return _StreamIndex(path, decode_kind(layout), layout, places, starts)
+        metadata = _metadata(file, places) or described_sensors(path)[1]
+        return _StreamIndex(path, decode_kind(layout), metadata, layout, places, starts)
+
+
+def _metadata(file: IO[bytes], places: list[RecordPlace]) -> bytes:
+    place = next((place for place in places if place.kind == RecordKind.METADATA), None)
+    if place is None:
+        return b""
+    return decompress_bytes(Reader(read_record(file, place.at).body), lambda size: None)
 
 
 def _is_capture(file: IO[bytes], places: list[RecordPlace]) -> bool:

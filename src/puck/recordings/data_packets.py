@@ -128,7 +128,7 @@ def ouster_packets(
     about = {"format": "pcap", **_counts(capture, len(packets), size)}
     received = [packet.received for packet in packets]
     payloads = [packet.payload for packet in packets]
-    return ouster_log(sensor, payloads, received, about, source, described)
+    return ouster_log(sensor, payloads, received, about, described)
 
 
 def whole_packets(

@@ -84,7 +84,7 @@ def ouster_packets_in_bag(
     about = {"format": bag.format, "topic": name, "messages": messages}
     if messages > len(payloads):
         about["other_packets"] = messages - len(payloads)
-    return ouster_log(sensor, payloads, None, about, source, described)
+    return ouster_log(sensor, payloads, None, about, described)
 
 
 def _sensor(path: Path, topic: str, topics: Topics, source: Path) -> tuple[OusterSensor, str]:

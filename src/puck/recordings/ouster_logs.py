@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-import logging
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import replace
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -21,21 +19,15 @@ _ENCODER_TICKS = 90112
 _FEWEST_TURNS = 3
 """Least number of revolutions, of which one is whole, whose columns are compared."""
 
-_log = logging.getLogger(__name__)
-
 
 def ouster_log(
     sensor: OusterSensor,
     payloads: Sequence[bytes],
     received: Sequence[float] | None,
     about: dict[str, Any],
-    source: Path,
     described: str,
 ) -> PacketLog:
     """Return an Ouster's packets as a log, after a comparison with the sensor's metadata.
-
-    Warnings tell which offsets the metadata lack, and whether it is unknown if the packets are of
-    this sensor.
 
     Parameters
     ----------
@@ -47,8 +39,6 @@ def ouster_log(
         Times of reception, in seconds since 1970. None: the times on the sensor's clock.
     about
         Facts about the recording, for `PacketLog.about`.
-    source
-        File that warnings name.
     described
         The metadata's file or topic and its content, for messages.
 
@@ -65,16 +55,23 @@ def ouster_log(
         raise InputError(f"packets of the sensor {other}, and {described} is of {sensor.serial}")
     if fault := _wrong_columns(sensor, packets):
         raise InputError(f"{fault}, and {described} is of {sensor.columns:,} columns per turn")
-    if not sensor.serial or None in serials:
-        where = "packets" if None in serials else "metadata"
-        told = "unverified whether it is of this sensor, since a serial number is not in the"
-        _log.warning("%s: %s: %s %s", source, described, told, where)
-    if sensor.assumed:
-        assumed = " and ".join(sensor.assumed)
-        _log.warning("%s: %s lacks offsets; assumed as by the SDK: %s", source, described, assumed)
     if received is None:
         log = replace(log, received=packets["columns"]["time"][:, 0] * 1e-9)
     return replace(log, sensor=sensor)
+
+
+def unknown_facts(sensor: OusterSensor) -> list[str]:
+    """Return what is not known of a sensor: whether packets are its own, and assumed offsets."""
+    told = []
+    if sensor.profile == LEGACY or not sensor.serial:
+        where = "packets" if sensor.profile == LEGACY else "metadata"
+        lacking = f"no serial number in the {where}"
+        told.append(
+            f"unverified whether the metadata ({sensor.name}) are of this sensor: {lacking}"
+        )
+    if sensor.assumed:
+        told.append(f"offsets assumed as by the SDK: {' and '.join(sensor.assumed)}")
+    return told
 
 
 def _wrong_columns(sensor: OusterSensor, packets: NDArray[Any]) -> str | None:

@@ -25,6 +25,7 @@ from puck.recordings.ouster import (
     packet_times,
     window_places,
 )
+from puck.recordings.ouster_logs import unknown_facts
 from puck.recordings.packets import PACKET, PacketLog
 
 _LEAP_US = 5e5
@@ -133,13 +134,17 @@ def without_leaps(log: PacketLog) -> PacketLog:
 def tell_irregularities(source: Path, log: PacketLog) -> None:
     """Log warnings about packets that are late or lost, and about leaps of clock or azimuth.
 
-    Raises InputError if the azimuth falls. The warnings name the file `source`.
+    Other warnings tell what an Ouster's metadata leave open. InputError is raised if the azimuth
+    falls. The warnings name the file `source`.
     """
     told = []
     if late := log.about.get("late_packets"):
         are_late = f"{late:,} packets are" if late > 1 else "1 packet is"
         told.append(f"sorted by the sensor's clock, as {are_late} late")
-    told += _of_velodyne(log) if log.sensor is None else _of_ouster(log.sensor, log)
+    if log.sensor is None:
+        told += _of_velodyne(log)
+    else:
+        told += [*unknown_facts(log.sensor), *_of_ouster(log.sensor, log)]
     back = np.diff(log.received) * 1e6 <= -_LEAP_US
     if back.any():
         told.append(f"times of reception go back ({_first(back, len(log))})")

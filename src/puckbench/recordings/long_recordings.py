@@ -10,7 +10,8 @@ from pointkit.errors import InputError, naming
 from pointkit.lidar.returns import HOUR_US
 from pointkit.lidar.turns import clock_steps
 from puck.recordings.data_packets import whole_packets
-from puck.recordings.ouster import metadata_beside, read_sensor, serial_of
+from puck.recordings.ouster import sensor_of
+from puck.recordings.ouster_logs import ouster_log
 from puck.recordings.ouster_packets import OusterKind
 from puck.recordings.packet_order import is_regular, tell_irregularities
 from puck.recordings.packet_turns import Payloads
@@ -83,17 +84,13 @@ def read_some_turns(index: TurnIndex, first: int, last: int) -> RecordedTurns | 
 
 def _log(index: TurnIndex, payloads: Payloads) -> PacketLog | None:
     if isinstance(index.kind, OusterKind):
-        metadata = metadata_beside(index.path)
         try:
-            sensor = read_sensor(metadata) if metadata else None
-        except InputError:
+            sensor = sensor_of(index.metadata, "its metadata")
+            if sensor.packet.itemsize != payloads.shape[1]:
+                return None
+            return ouster_log(sensor, [row.tobytes() for row in payloads], None, {}, "its metadata")
+        except InputError:  # whoever reads the whole recording tells
             return None
-        if sensor is None or sensor.packet.itemsize != payloads.shape[1]:
-            return None
-        if sensor.serial and serial_of(sensor, payloads[0].tobytes()) not in (None, sensor.serial):
-            return None
-        times = payloads.view(sensor.packet)["columns"]["time"][:, 0, 0]
-        return PacketLog(payloads, times * 1e-9, sensor=sensor)
     if index.kind.product == HDL64E:
         return None
     clock_us = payloads.view(PACKET)["time_us"][:, 0].astype(np.float64)

@@ -17,6 +17,7 @@ from cloud_files.clouds import read_cloud
 from pointkit.errors import InputError
 from pointkit.lidar.return_table import read_return_table
 from puck.recordings.ouster import PROFILES, columns_of_turns, read_sensor
+from puck.turn_packets import index_turns
 from puckbench.cli import main
 from puckbench.recordings.reading import read_packets, read_recording, read_turns
 from puckbench.scene_sets.recordings import Recordings
@@ -229,7 +230,9 @@ def test_offsets_that_metadata_lack_are_those_of_the_sdk(
     assert returns.range_offset_m == -radial_mm / 1000
     (told,) = (each.message for each in caplog.records if "assumed" in each.message)
     offsets = rf"lidar_origin_to_beam_origin_mm \({radial_mm}\) and lidar_to_sensor_transform"
-    assert re.search(rf"drive.json .* lacks .* by the SDK: {offsets} \(36.18 mm in z\)$", told)
+    assert re.search(
+        rf"drive.pcap: offsets assumed as by the SDK: {offsets} \(36.18 mm in z\)$", told
+    )
 
 
 def test_packets_without_a_serial_number_are_told(
@@ -237,7 +240,7 @@ def test_packets_without_a_serial_number_are_told(
 ) -> None:
     read_turns(recorded(tmp_path, "LEGACY"))
     (told,) = (each.message for each in caplog.records)
-    assert re.search(r"drive.json .*: unverified .* is not in the packets$", told)
+    assert re.search(r"drive.pcap: unverified .* no serial number in the packets$", told)
     caplog.clear()
     read_turns(recorded(tmp_path, COARSE))
     assert not caplog.records
@@ -270,6 +273,9 @@ def test_a_compressed_recording_needs_no_metadata_beside_it(tmp_path: Path) -> N
     path = recorded(tmp_path, DUAL)
     expected = read_recording(path)
     puck.compress(path, tmp_path / "alone.puck")
+    index = index_turns(tmp_path / "alone.puck")
+    assert index is not None
+    assert index.metadata == path.with_suffix(".json").read_bytes()
     path.with_suffix(".json").unlink()
     path.unlink()
     for words in (["capture", "returns.parquet"], ["export", "turn.csv", "--turns", "0"]):

@@ -81,7 +81,7 @@ def test_packets_out_of_order_are_sorted_and_told(
     assert table.about["late_packets"] == count
     are_late = f"{count} packets are" if count > 1 else "1 packet is"
     assert lines(path, caplog) == [f"sorted by the sensor's clock, as {are_late} late"]
-    returns, whole, _ = read_turns(path)
+    returns, whole, *_ = read_turns(path)
     assert len(returns.turns) == 4
     assert whole == range(1, 3)
 
@@ -329,7 +329,7 @@ def test_an_ouster_that_starts_anew_goes_on(
     """Its counter of revolutions and its clock begin again."""
     late = [packets(COARSE, *images(COARSE, seed=9), 40), packets(COARSE, *images(COARSE), 41)]
     path = ouster(tmp_path / "anew.pcap", [*late[0], *late[1], *sent])
-    returns, whole, _ = read_turns(path)
+    returns, whole, *_ = read_turns(path)
     assert whole == range(7)
     np.testing.assert_array_equal(returns.turns[0].ranges, images(COARSE, seed=9)[0])
     np.testing.assert_array_equal(returns.turns[6].ranges, images(COARSE, seed=4)[0])
