@@ -180,7 +180,7 @@ class PointCoder:
             one = None
             if aim is not None and self._axes is not None and there is not None:
                 is_axis = k in self._axes.xyz
-                one = ColumnPlan(Way.RAY) if is_axis else plan_ranges(numbers[there], aim.ranges)
+                one = ColumnPlan(Way.RAY) if is_axis else plan_ranges(numbers, there, aim.ranges)
             columns.append(one or plan_column(column, numbers, width))
         return replace(plan, columns=tuple(columns)), aim
 
@@ -256,7 +256,9 @@ class PointCoder:
             for axis, numbers, missing in zip(xyz, found, plan.missing, strict=True):
                 axis[:] = missing
                 axis[there] = numbers
-        others = np.setdiff1d(np.arange(count), there, assume_unique=True)
+        is_other = np.ones(count, bool)
+        is_other[there] = False
+        others = np.flatnonzero(is_other)
         for k, one in enumerate(plan.columns):
             if one.way == Way.RANGE:
                 values[k][there] = ranges * one.farthest + one.start

@@ -22,7 +22,7 @@ _MOST_WHOLE = 1e6
 _MOST_ODD = 0.02
 """Share of floats that may not be integers in a column's unit; they are listed."""
 _SAMPLE = 200
-"""Number of floats that are tried first."""
+"""Number of values that are tried first."""
 _MOST_VALUE = 1 << 23
 _MOST_SPAN = 1 << 62
 _KEPT_BITS = 6
@@ -107,13 +107,20 @@ def plan_column(column: Column, values: Ints, width: int) -> ColumnPlan:
     return ColumnPlan(Way.VALUES, scale, shift, lowest % _WORD, (span >> shift) + 1)
 
 
-def plan_ranges(values: Ints, ranges: Ints) -> ColumnPlan | None:
-    """Return the plan of a column (n,) that follows from the ranges (n,), or None."""
-    spread = int(np.argmax(ranges))
-    apart = int(ranges[spread] - ranges[0])
-    factor = int(values[spread] - values[0]) // apart if apart else 0
-    lowest = int(values[0]) - factor * int(ranges[0])
-    if 0 < factor <= _MOST_VALUE and (values == ranges * factor + lowest).all():
+def plan_ranges(values: Ints, there: NDArray[np.intp], ranges: Ints) -> ColumnPlan | None:
+    """Return the plan of a column (n,) that follows from the ranges (m,), or None.
+
+    The argument `there` (m,) has the indices of the points with a range.
+    """
+    few = slice(0, _SAMPLE)
+    first, last = int(np.argmin(ranges[few])), int(np.argmax(ranges[few]))
+    apart, start = int(ranges[last] - ranges[first]), int(values[there[first]])
+    factor = (int(values[there[last]]) - start) // apart if apart else 0
+    lowest = start - factor * int(ranges[first])
+    if 0 < factor <= _MOST_VALUE:
+        for some in few, slice(None):
+            if (values[there[some]] != ranges[some] * factor + lowest).any():
+                return None
         return ColumnPlan(Way.RANGE, lowest=lowest % _WORD, farthest=factor)
     return None
 
