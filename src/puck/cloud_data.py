@@ -19,10 +19,11 @@ from puck.records import check
 __all__ = ["CloudDecoder", "CloudEncoder", "CloudField", "CloudLayout"]
 
 _RAW, _POINTS, _SAME = range(3)
-_QUICKLY, _SAMPLE, _CLOSE = 1, 1 << 16, 1.3
+_QUICKLY, _SAMPLE, _CLOSE = 1, 1 << 16, 1.6
 """Level of Zstandard and bytes of a sample that tell whether LZMA may be better, and how near they
 then come to the coded columns."""
 _MOST_POINTS = 1 << 21
+_NEEDS_ANOTHER = "the cloud needs the one before it"
 
 
 class CloudEncoder:
@@ -105,33 +106,43 @@ class CloudDecoder:
         InputError
             The bytes are damaged, or need the message before them.
         """
+        coder, before = self._coder, self._before
+        self._coder = self._before = None  # no other message may use what a damaged one left
+        head = body[0] if body else _RAW
+        if head == _SAME:
+            if before is None:
+                raise InputError(_NEEDS_ANOTHER)
+            check(len(body) == 1)
+            admit(len(before))
+            data = before
+        elif head & 15 == _POINTS:
+            coder, data = self._decode_points(coder, body, admit)
+        else:
+            check(head == _RAW)
+            coder, data = None, decompress_bytes(Reader(body[1:]), admit)
+        self._coder, self._before = coder, data
+        return data
+
+    def _decode_points(
+        self, coder: PointCoder | None, body: bytes, admit: Callable[[int], None]
+    ) -> tuple[PointCoder, bytes]:
         layout, reader = self._layout, Reader(body)
         head = reader.take(1)[0]
-        mode, is_key, effort = head & 15, bool(head & 16), head >> 5
-        if mode == _SAME:
-            check(self._before is not None and not reader.rest())
-            admit(len(self._before or b""))
-            return self._before or b""
-        self._before = None
-        if mode == _RAW:
-            self._coder, self._before = None, decompress_bytes(reader, admit)
-            return self._before
-        check(mode == _POINTS and layout.is_codable and effort < len(EFFORTS))
+        is_first, effort = bool(head & 16), head >> 5
+        check(layout.is_codable and effort < len(EFFORTS))
         shape = Shape(*(reader.number() for _ in range(4)))
         count, others = shape.rows * shape.columns, shape.rows * shape.gap + shape.tail
         check(0 < count <= _MOST_POINTS)
         admit(count * layout.point_step + others)
         part = Reader(reader.take(reader.number()))
         rest = decompress_bytes(part, lambda size: check(size == others))
-        coder = PointCoder(layout, EFFORTS[effort]) if is_key else self._coder
-        self._coder = None  # no other message may use the models of a damaged one
+        if is_first:
+            coder = PointCoder(layout, EFFORTS[effort])
         if coder is None:
-            raise InputError("the cloud needs the one before it")
+            raise InputError(_NEEDS_ANOTHER)
         points = coder.decode(reader, count, _width(shape))
         check(not reader.rest())
-        self._coder = coder
-        self._before = data_of(points, rest, shape)
-        return self._before
+        return coder, data_of(points, rest, shape)
 
 
 def _quick_size(data: bytes) -> int:

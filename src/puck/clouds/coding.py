@@ -126,6 +126,7 @@ class PointCoder:
         """The rays of the last cloud, if it had any."""
         return self._state.rays
 
+    @np.errstate(all="ignore")
     def encode(self, points: Bytes, width: int) -> bytes:
         """Return bytes from which `decode` restores points, or no bytes if there are too many.
 
@@ -145,6 +146,7 @@ class PointCoder:
         self._code(plan, values, width, writer, aim)
         return base_128(len(head)) + head + writer.joined()
 
+    @np.errstate(all="ignore")
     def decode(self, reader: Reader, count: int, width: int) -> Bytes:
         """Return the points (count, point_step) that `encode` encoded.
 
@@ -242,12 +244,12 @@ class PointCoder:
             there, ranges = np.arange(count), np.zeros(count, np.int64)
             near, seen = self._plain_neighbours(count)
         else:
-            azimuths = self._code_azimuths(plan, values, rings, width, parts, aim)
+            xyz = [values[k] for k in axes.xyz]
+            azimuths = self._code_azimuths(plan, plan.rays, xyz, rings, width, parts, aim)
             there = np.flatnonzero(azimuths >= 0)
             on_rings, around = rings[there], azimuths[there]
             near, seen = self._neighbours(plan.rays, on_rings, around)
             ranges = self._code_ranges(near, on_rings, parts, aim)
-            xyz = [values[k] for k in axes.xyz]
             found = self._code_points(
                 plan.rays, [axis[there] for axis in xyz], on_rings, around, ranges, parts
             )
@@ -301,24 +303,22 @@ class PointCoder:
         state.series[name] = values
 
     def _code_azimuths(
-        self, plan: _Plan, values: list[Ints], rings: Words, width: int, parts: Parts,
+        self, plan: _Plan, rays: Rays, xyz: list[Ints], rings: Words, width: int, parts: Parts,
         aim: _Aim | None,
     ) -> Ints:  # fmt: skip
         """Return the azimuths (n,) of all points, -1 for missing ones."""
-        assert plan.rays is not None and self._axes is not None
         count = len(rings)
         is_missing = np.zeros(count, np.int64)
         if plan.has_missing:
             if aim is not None:
-                x, y, z = (values[k] for k in self._axes.xyz)
-                is_missing[:] = _equals(plan.missing, x, y, z)
+                is_missing[:] = _equals(plan.missing, *xyz)
             self._code_series("missing", is_missing, rings, width, 1, parts)
         azimuths = np.zeros(count, np.int64) if aim is None else aim.azimuths
         skips = is_missing > 0
         self._code_series("azimuths", azimuths, rings, width, _AZIMUTH_BITS, parts, skips)
         found = np.where(skips, -1, azimuths)
-        check(int(found.max()) < plan.rays.count)
-        check(int(rings[~skips].max(initial=0)) < len(plan.rays.lines))
+        check(int(found.max()) < rays.count)
+        check(int(rings[~skips].max(initial=0)) < len(rays.lines))
         return found
 
     def _neighbours(self, rays: Rays, rings: Words, azimuths: Ints) -> tuple[Words, Rings]:
@@ -328,7 +328,7 @@ class PointCoder:
         return neighbours_of(now, rings, then.rings if has_then else None, rays.count), now
 
     def _plain_neighbours(self, count: int) -> tuple[Words, Rings]:
-        """Return the neighbours of points without rays: those before, in this cloud and the last."""
+        """Return neighbours of points without rays, by their places in this cloud and the last."""
         rings = np.zeros(count, np.int32)
         now = rings_of(rings, np.arange(count), _PLAIN_STEPS, 1)
         then = self._state.rings if self._state.rays is None else None
@@ -365,7 +365,8 @@ class PointCoder:
 
         guess = rays.predicted(rings, azimuths, ranges.astype(np.float64))
         if rays.is_exact:
-            return [code(name, *pair) for name, *pair in zip("xyz", actual, guess, strict=True)]
+            triples = zip("xyz", actual, guess, strict=True)
+            return [code(name, bits, floats) for name, bits, floats in triples]
         if not rays.is_stepped:
             x, y = code("x", actual[0], guess[0]), code("y", actual[1], guess[1])
             refined = rays.from_level(rings, singles(x), singles(y))
@@ -432,8 +433,9 @@ def _missing(x: Ints, y: Ints, z: Ints) -> tuple[tuple[int, int, int], NDArray[n
     return bits, _equals(bits, x, y, z)
 
 
-def _equals(bits: tuple[int, int, int], x: Ints, y: Ints, z: Ints) -> NDArray[np.bool_]:
-    return (x == bits[0]) & (y == bits[1]) & (z == bits[2])
+def _equals(bits: tuple[int, int, int], *xyz: Ints) -> NDArray[np.bool_]:
+    x, y, z = (axis == number for axis, number in zip(xyz, bits, strict=True))
+    return np.asarray(x & y & z)
 
 
 def _octaves(guess: Singles) -> Bytes:

@@ -26,7 +26,7 @@ _SAMPLE = 200
 _MOST_VALUE = 1 << 23
 _MOST_SPAN = 1 << 62
 _KEPT_BITS = 6
-"""Bits of a typical difference between successive values that are modelled; lower bits are noise."""
+"""Modelled bits of a typical difference between successive values; lower bits are noise."""
 _WORD = 1 << 64
 
 
@@ -124,7 +124,7 @@ def _is_regular(values: Ints, width: int) -> bool:
     hits = [np.count_nonzero(steps == 0), np.count_nonzero(np.diff(steps) == 0)]
     if 0 < width < len(values):
         hits.append(np.count_nonzero(values[width:] == values[:-width]))
-    return 2 * max(hits) > len(values)
+    return 2 * int(max(hits)) > len(values)
 
 
 def _scaled(floats: NDArray[np.float32], bits: Ints) -> tuple[int, Ints]:

@@ -23,7 +23,8 @@ _MOST_FIELDS, _MOST_NAME, _MOST_COLUMNS = 1 << 12, 1 << 12, 1 << 12
 _MOST_STEP = 1 << 20
 
 
-class CloudField(NamedTuple):
+@dataclass(frozen=True)
+class CloudField:
     """Field of each point: name, offset in bytes, code of its data type, and number of values."""
 
     name: str
@@ -66,9 +67,10 @@ class CloudLayout:
     def packed(self) -> bytes:
         """Return the layout as bytes, which `unpacked` reads."""
         parts = [base_128(self.point_step << 1 | self.is_big_endian), base_128(len(self.fields))]
-        for name, offset, datatype, count in self.fields:
-            text = name.encode("utf-8", "surrogateescape")
-            parts += [base_128(len(text)), text, *map(base_128, (offset, datatype, count))]
+        for one in self.fields:
+            text = one.name.encode("utf-8", "surrogateescape")
+            numbers = one.offset, one.datatype, one.count
+            parts += [base_128(len(text)), text, *map(base_128, numbers)]
         return b"".join(parts)
 
     @classmethod
@@ -96,12 +98,12 @@ class CloudLayout:
         if not 0 < self.point_step <= _MOST_STEP:
             return ()
         free, found = np.ones(self.point_step, bool), []
-        for name, offset, datatype, count in self.fields:
-            size = SIZES.get(datatype, 0)
-            end = offset + size * count
-            if size and end <= self.point_step and count and free[offset:end].all():
-                free[offset:end] = False
-                found += [Column(name, place, size, datatype) for place in range(offset, end, size)]
+        for one in self.fields:
+            size = SIZES.get(one.datatype, 0)
+            places = range(one.offset, one.offset + size * one.count, size or 1)
+            if places and places.stop <= self.point_step and free[places.start : places.stop].all():
+                free[places.start : places.stop] = False
+                found += [Column(one.name, place, size, one.datatype) for place in places]
         found += [Column("", int(place), 1, 2) for place in np.flatnonzero(free)]
         return tuple(sorted(found, key=lambda column: column.offset))
 

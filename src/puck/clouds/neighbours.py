@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from pointkit.coding.context_mixing import Ints, Words
-from pointkit.compiling import compiled_in_place
+from pointkit.compiling import compiled_in_place, inlined
 
 WEST, WEST2, WEST3, BELOW, BELOW_WEST, BELOW_EAST, ABOVE, ABOVE_WEST, THEN, THEN_WEST, THEN_EAST = (
     range(11)
@@ -83,43 +83,48 @@ def _find(
     now: Rings, rings: Words, then: Rings, shift: int, far: int, filled: Ints, at: Ints,
     found: Words,
 ) -> None:  # fmt: skip
-    order, starts, turned = now.order, now.starts, now.turned
-    n, m, count = len(rings), len(then.order), len(starts) - 1
+    order, n, m = now.order, len(rings), len(then.order)
     for i in range(n):
-        ring, angle = rings[i], turned[i]
-        place, first = filled[ring], starts[ring]
+        ring, angle = rings[i], now.turned[i]
+        place = filled[ring]
         for k in range(3):
-            found[i, k] = order[place - 1 - k] if place - 1 - k >= first else n
-        for k in range(3, 8):
-            found[i, k] = n
+            found[i, k] = _entry(order, place - 1 - k, now.starts[ring], place, n)
         for side in range(2):
-            other = ring - 1 if side == 0 else ring + 1
-            if other < 0 or other >= count or filled[other] == starts[other]:
-                continue
-            p, end = at[side, ring], filled[other]
-            while p + 1 < end and abs(turned[order[p + 1]] - angle) <= abs(
-                turned[order[p]] - angle
-            ):
-                p += 1
+            other = max(min(ring + 2 * side - 1, len(filled) - 1), 0)
+            first, end = now.starts[other], filled[other] if other != ring else now.starts[other]
+            p = _nearest(now, at[side, ring], end, angle)
             at[side, ring] = p
-            if abs(turned[order[p]] - angle) > far:
-                continue
-            column = 3 if side == 0 else 6
-            found[i, column] = order[p]
-            found[i, column + 1] = order[p - 1] if p > starts[other] else n
+            p = p if p < end and abs(now.turned[order[p]] - angle) <= far else -1
+            column = BELOW if side == 0 else ABOVE
+            found[i, column] = _entry(order, p, first, end, n)
+            found[i, column + 1] = _entry(order, p - 1, first, end, n) if p >= 0 else n
             if side == 0:
-                found[i, 5] = order[p + 1] if p + 1 < end else n
-        for k in range(8, 11):
-            found[i, k] = m
-        if then.starts[ring] < then.starts[ring + 1]:
-            p, end, wanted = at[2, ring], then.starts[ring + 1], angle + shift
-            while p + 1 < end and abs(then.turned[then.order[p + 1]] - wanted) <= abs(
-                then.turned[then.order[p]] - wanted
-            ):
-                p += 1
-            at[2, ring] = p
-            if abs(then.turned[then.order[p]] - wanted) <= far:
-                found[i, 8] = then.order[p]
-                found[i, 9] = then.order[p - 1] if p > then.starts[ring] else m
-                found[i, 10] = then.order[p + 1] if p + 1 < end else m
+                found[i, BELOW_EAST] = _entry(order, p + 1, first, end, n) if p >= 0 else n
+        first, end = then.starts[ring], then.starts[ring + 1]
+        p = _nearest(then, at[2, ring], end, angle + shift)
+        at[2, ring] = p
+        p = p if p < end and abs(then.turned[then.order[p]] - angle - shift) <= far else -1
+        found[i, THEN] = _entry(then.order, p, first, end, m)
+        found[i, THEN_WEST] = _entry(then.order, p - 1, first, end, m) if p >= 0 else m
+        found[i, THEN_EAST] = _entry(then.order, p + 1, first, end, m) if p >= 0 else m
         filled[ring] = place + 1
+
+
+@inlined
+def _entry(order: Words, place: int, first: int, end: int, none: int) -> int:
+    return int(order[place]) if first <= place < end else none
+
+
+@inlined
+def _nearest(rings: Rings, place: int, end: int, angle: int) -> int:
+    """Return the place from `place` on, before `end`, up to which angles come nearer."""
+    if place >= end:
+        return place
+    order, turned = rings.order, rings.turned
+    off = abs(turned[order[place]] - angle)
+    while place + 1 < end:
+        other = abs(turned[order[place + 1]] - angle)
+        if other > off:
+            break
+        place, off = place + 1, other
+    return place

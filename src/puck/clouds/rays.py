@@ -9,7 +9,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import lru_cache
-from typing import NamedTuple, Self
+from itertools import pairwise
+from typing import Any, NamedTuple, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,6 +22,7 @@ from puck.records import check
 
 Singles = NDArray[np.float32]
 Group = NDArray[np.intp]
+Rows = NDArray[np.integer[Any]]
 
 _UNITS_M = (0.008, 0.005, 0.004, 0.002, 0.001)
 """Units of range that are tried. Ranges that have none are coded in the last, and refined."""
@@ -105,7 +107,7 @@ class Rays:
         cosines, sines = _circle(self.count, self.step, self.phase)
         return cosines[azimuths], sines[azimuths]
 
-    def predicted(self, rings: Ints, azimuths: Ints, ranges: Floats) -> tuple[Floats, ...]:
+    def predicted(self, rings: Rows, azimuths: Ints, ranges: Floats) -> tuple[Floats, ...]:
         """Return x, y and z (n,) of points at ranges (n,), which are counted in units."""
         lines = self.lines[rings]
         cosines, sines = self._turned(azimuths)
@@ -114,7 +116,7 @@ class Rays:
         return x, y, lines[:, 2] + lines[:, 5] * ranges
 
     def refined(
-        self, rings: Ints, azimuths: Ints, values: Singles, is_x: NDArray[np.bool_]
+        self, rings: Rows, azimuths: Ints, values: Singles, is_x: NDArray[np.bool_]
     ) -> Floats:
         """Return ranges (n,) in units from a coordinate of each point: x where `is_x`, else y."""
         along, side, _, along_more, side_more, _ = self.lines[rings].T
@@ -125,31 +127,28 @@ class Rays:
             along_more * cosines - side_more * sines,
             along_more * sines + side_more * cosines,
         )
-        with np.errstate(invalid="ignore", over="ignore"):
-            return np.asarray((values - first) / np.where(more == 0, 1.0, more))
+        return np.asarray((values - first) / np.where(more == 0, 1.0, more))
 
-    def from_level(self, rings: Ints, x: Singles, y: Singles) -> Floats:
+    def from_level(self, rings: Rows, x: Singles, y: Singles) -> Floats:
         """Return ranges (n,) in units from the distances (n,) of points to the axis."""
         wide, long = x.astype(np.float64), y.astype(np.float64)
         along, side, more = self._straight()
-        with np.errstate(invalid="ignore", over="ignore"):
-            square = wide * wide + long * long - (side * side)[rings]
-            return np.asarray((np.sqrt(np.maximum(square, 0.0)) - along[rings]) / more[rings])
+        square = wide * wide + long * long - (side * side)[rings]
+        return np.asarray((np.sqrt(np.maximum(square, 0.0)) - along[rings]) / more[rings])
 
-    def heights(self, rings: Ints, ranges: Floats) -> Floats:
+    def heights(self, rings: Rows, ranges: Floats) -> Floats:
         """Return z (n,) of points at ranges (n,) in units."""
-        with np.errstate(invalid="ignore", over="ignore"):
-            return np.asarray(self.lines[rings, 2] + self.lines[rings, 5] * ranges)
+        return np.asarray(self.lines[rings, 2] + self.lines[rings, 5] * ranges)
 
     def _straight(self) -> tuple[Floats, Floats, Floats]:
-        """Return each line's point at range 0, along and sideways of its beam, and the increment."""
+        """Return each line's point at range 0, along its beam and sideways, and its increment."""
         along, side, _, along_more, side_more, _ = self.lines.T
         more = np.sqrt(along_more * along_more + side_more * side_more)
         more = np.where(more == 0, 1.0, more)
         first = (along * along_more + side * side_more) / more
         return first, (side * along_more - along * side_more) / more, more
 
-    def located(self, xyz: Floats, rings: Ints) -> Located | None:
+    def located(self, xyz: Floats, rings: Rows) -> Located | None:
         """Return points (n, 3) on these rays, turned as they are; None if they do not fit."""
         if int(rings.max(initial=0)) >= len(self.lines) or not len(rings):
             return None
@@ -191,7 +190,7 @@ def _in_phase(rays: Rays, around: Floats) -> Rays:
 
 
 def _too_many_off(rest: Floats) -> bool:
-    return np.count_nonzero(np.abs(rest) > _OFF) > _MOST_OFF * len(rest)
+    return int(np.count_nonzero(np.abs(rest) > _OFF)) > _MOST_OFF * len(rest)
 
 
 @lru_cache(maxsize=4)
@@ -207,7 +206,7 @@ def _circle(count: int, step: float, phase: float) -> tuple[Floats, Floats]:
     return cosines, sines * angles
 
 
-def fitted_rays(xyz: Floats, rings: Ints) -> Located | None:
+def fitted_rays(xyz: Floats, rings: Rows) -> Located | None:
     """Fit the lines of the rings to points.
 
     Parameters
@@ -228,7 +227,7 @@ def fitted_rays(xyz: Floats, rings: Ints) -> Located | None:
     level, around = np.hypot(xyz[:, 0], xyz[:, 1]), np.arctan2(xyz[:, 1], xyz[:, 0])
     order = np.argsort(rings, kind="stable")
     starts = np.searchsorted(rings[order], np.arange(count + 1))
-    groups = [order[a:b] for a, b in zip(starts[:-1], starts[1:], strict=True)]
+    groups = [order[first:end] for first, end in pairwise(starts)]
     step, phase, is_stepped, offsets, sides = _fitted_steps(around, level, groups)
     level = np.sqrt(np.maximum(level * level - (sides * sides)[rings], 0))
     cones = np.array([_cone(level[rows], xyz[rows, 2]) for rows in groups])

@@ -21,7 +21,7 @@ from puck.numbers import code_unmixed_bit
 RINGS = 256
 """Number of rings that are told apart; larger numbers of rings are taken modulo this."""
 _NODES = 112
-_LEVELS = 12
+_LEVELS, _FEW = 12, 4
 _FEW_BITS = 12
 """Number of low bits of a difference that are coded at once, all values being equally likely."""
 PREDICTIONS = 10
@@ -54,9 +54,10 @@ def level(difference: int) -> int:
     size = abs(difference)
     if size == 0:
         return 0
-    if size < 4:
+    if size < _FEW:
         return (1 if size == 1 else 3) + (1 if difference > 0 else 0)
-    return min(3 + ((64 - leading_zeros(size)) >> 1) + (64 - leading_zeros(size) > 8), _LEVELS - 1)
+    octave: int = 64 - leading_zeros(size)
+    return min(3 + (octave >> 1), _LEVELS - 1)
 
 
 @inlined
@@ -73,7 +74,7 @@ def code_signed(mixer: Mixer, difference: int) -> int:
         return 0
     is_up = _decide(mixer, 1, 1 if difference > 0 else 0)
     size = abs(difference) - 1
-    octave = 63 - leading_zeros(size + 1) if size + 1 > 0 else 63
+    octave = 63 - leading_zeros(size + 1) if size >= 0 and size + 1 > 0 else 63
     length = 0
     while length < 63 and _decide(mixer, 2 + min(length, 39), 1 if octave > length else 0) == 1:
         length += 1
@@ -126,72 +127,93 @@ def code_series(
     guesses, differences, last, places
         Working memory (`PREDICTIONS`,), (n,), (2, `RINGS`) and (`FOLLOWERS`,), which is -1.
     """
-    mixer, scores, starts, history = model.mixer, model.scores, model.starts, 0
-    is_fast = len(mixer.sizes.contexts) == 1
+    mixer, history, is_fast = model.mixer, 0, len(model.mixer.sizes.contexts) == 1
     last[:] = -1
     for i in range(len(values)):
         ring = rings[i]
         j = int(last[0, ring])
-        a = values[i - 1] if i > 0 else 0
-        a2 = values[i - 2] if i > 1 else a
         k = int(last[1, rings[i - 1]]) if i > 0 else -1
-        own = values[j] if j >= 0 else a
-        guesses[0], guesses[1] = a, a + (a - a2)
-        guesses[2] = a + (values[k + 1] - values[k]) if k >= 0 else a
-        guesses[3], guesses[4] = own, own + (a - values[k]) if k >= 0 else own
-        up = values[i - width] if 0 < width <= i else own
-        guesses[5] = up
-        guesses[6] = up + (a - values[i - width - 1]) if 0 < width < i else up
-        then = before[i] if i < len(before) else a
-        guesses[7] = then
-        guesses[8] = then + (a - before[i - 1]) if 0 < i < len(before) else then
-        slot = np.uint64(((a * 0x9E3779B1) >> 20) & (FOLLOWERS - 1))
-        place = int(places[slot])
-        guesses[9] = values[place + 1] if place >= 0 and values[place] == a else guesses[6]
-        places[slot] = i - 1
-        best = 0
-        for g in range(1, PREDICTIONS):
-            if scores[g] < scores[best]:
-                best = g
+        _write_guesses(values, before, i, j, k, width, guesses)
+        guesses[9] = _follower(values, places, i, guesses[6])
+        best = _best(model.scores)
         guess = guesses[best]
+        last[1, ring], last[0, ring] = last[0, ring], i
         if skips[i]:
             values[i], differences[i] = guess, 0
-            last[1, ring] = last[0, ring]
-            last[0, ring] = i
             continue
-        own_level = level(differences[j]) if j >= 0 else _LEVELS - 1
-        last_level = level(differences[i - 1]) if i > 0 else 0
-        at = mixer.contexts
+        own = level(differences[j]) if j >= 0 else _LEVELS - 1
+        recent = level(differences[i - 1]) if i > 0 else 0
         if is_fast:
-            at[0] = starts[2] + (last_level * _LEVELS + own_level) * _NODES
+            mixer.contexts[0] = model.starts[2] + (recent * _LEVELS + own) * _NODES
         else:
-            agreed = 0
-            for g in range(PREDICTIONS):
-                agreed = agreed << 1 | (1 if guesses[g] == guess else 0)
-            at[0] = starts[0] + (history * PREDICTIONS + best) * _NODES
-            at[1] = starts[1] + (ring * 3 + min(own_level, 2)) * _NODES
-            at[2] = starts[2] + (last_level * _LEVELS + own_level) * _NODES
-            at[3] = starts[3] + agreed * _NODES
-            at[4] = starts[4] + (ring & _EXTRA - 1) * _NODES
+            _write_contexts(model, guesses, best, history, ring, recent, own)
         difference = code_signed(mixer, _wrapped(values[i] - guess, bits))
         value = guess + difference
         if bits < 64:
             value &= (1 << bits) - 1
         values[i], differences[i] = value, difference
         history = (history << 1 & 15) | (1 if difference == 0 else 0)
-        if is_fast and difference == 0 and i & 15 > 0:
-            last[1, ring] = last[0, ring]
-            last[0, ring] = i
-            continue
-        for g in range(PREDICTIONS):
-            wrong = abs(_wrapped(value - guesses[g], bits))
-            cost = (64 - leading_zeros(wrong)) << 12
-            scores[g] += (cost - scores[g]) >> 5
-        last[1, ring] = last[0, ring]
-        last[0, ring] = i
+        if not is_fast or difference != 0 or i & 15 == 0:
+            _score(model.scores, guesses, value, bits)
         if i & 255 == 0 and exhausted(mixer.bits):
             return False
     return not exhausted(mixer.bits)
+
+
+@inlined
+def _write_guesses(
+    values: Ints, before: Ints, i: int, j: int, k: int, width: int, guesses: Ints
+) -> None:
+    """Write predictions of value i; j and k are the last places on the rings of i and i - 1."""
+    last = values[i - 1] if i > 0 else 0
+    own = values[j] if j >= 0 else last
+    guesses[0], guesses[1] = last, 2 * last - values[i - 2] if i > 1 else last
+    guesses[2] = last + (values[k + 1] - values[k]) if k >= 0 else last
+    guesses[3], guesses[4] = own, own + (last - values[k]) if k >= 0 else own
+    up = values[i - width] if 0 < width <= i else own
+    guesses[5], guesses[6] = up, up + (last - values[i - width - 1]) if 0 < width < i else up
+    then = before[i] if i < len(before) else last
+    guesses[7], guesses[8] = then, then + (last - before[i - 1]) if 0 < i < len(before) else then
+
+
+@inlined
+def _follower(values: Ints, places: Words, i: int, other: int) -> int:
+    """Return the value that came after the last one when that was seen before, or `other`."""
+    last = values[i - 1] if i > 0 else 0
+    slot = np.uint64(((last * 0x9E3779B1) >> 20) & (FOLLOWERS - 1))
+    place = int(places[slot])
+    places[slot] = i - 1
+    return values[place + 1] if place >= 0 and values[place] == last else other
+
+
+@inlined
+def _best(scores: Ints) -> int:
+    best = 0
+    for k in range(1, PREDICTIONS):
+        if scores[k] < scores[best]:
+            best = k
+    return best
+
+
+@inlined
+def _score(scores: Ints, guesses: Ints, value: int, bits: int) -> None:
+    for k in range(PREDICTIONS):
+        cost = (64 - leading_zeros(abs(_wrapped(value - guesses[k], bits)))) << 12
+        scores[k] += (cost - scores[k]) >> 5
+
+
+@inlined
+def _write_contexts(
+    model: SeriesModel, guesses: Ints, best: int, history: int, ring: int, recent: int, own: int
+) -> None:
+    at, starts, agreed = model.mixer.contexts, model.starts, 0
+    for k in range(PREDICTIONS):
+        agreed = agreed << 1 | (1 if guesses[k] == guesses[best] else 0)
+    at[0] = starts[0] + (history * PREDICTIONS + best) * _NODES
+    at[1] = starts[1] + (ring * 3 + min(own, 2)) * _NODES
+    at[2] = starts[2] + (recent * _LEVELS + own) * _NODES
+    at[3] = starts[3] + agreed * _NODES
+    at[4] = starts[4] + ring * _NODES
 
 
 @compiled_in_place
