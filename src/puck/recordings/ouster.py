@@ -252,7 +252,7 @@ def _sensor(document: Mapping[str, Any]) -> OusterSensor:
         azimuths_deg=_floats(values["beam_azimuth_angles"]),
         radial_mm=float(radial),
         height_mm=to_lidar[11] + to_sensor[11],
-        first_column=int(first),
+        first_column=int(first) % columns,
     )
     lasers = {len(elevations), len(sensor.azimuths_deg)}
     lasers.add(int(packets.get("pixels_per_column", len(elevations))))
