@@ -3,6 +3,8 @@
     python -m benchmarks.performance.scale [cloud] [recording] [folder] [--points 20000000]
         [--megabytes 1000] [--clouds 300] [--folder DIR] [--run WORDS...]
 
+For `make measure`, commands on the recording and turns written one by one are measured as well.
+
 The cloud is sampled on a generated office; the recording repeats twenty turns of a virtual VLP-16,
 with later clocks; the folder has clouds of 10,000 points (or as many as the cloud, if it has
 fewer). They are made in DIR, or used if they are there. WORDS are further arguments of the runs.
@@ -101,11 +103,17 @@ class Cost(NamedTuple):
 
 def run(source: Path, out: Path, words: Sequence[str] = ()) -> Cost:
     """Run the benchmark on a file or folder, into the folder `out`, and return what it took."""
-    command = [sys.executable, "-m", "puckbench", "run", str(source), "--out", str(out), *words]
+    command = ["-m", "puckbench", "run", str(source), "--out", str(out), *words]
+    return cost_of(command, out.parent / f"{out.name}.txt")
+
+
+def cost_of(words: Sequence[str], output: Path) -> Cost:
+    """Run Python with these words, write what it prints to a file, and return what it took."""
     start = time.perf_counter()
     adopt_orphans()  # the server of jobs is killed before its last children are waited for
-    with (out.parent / f"{out.name}.txt").open("w+") as text:
-        child = subprocess.Popen(command, cwd=out.parent, stdout=text, stderr=subprocess.STDOUT)
+    with output.open("w+") as text:
+        command = [sys.executable, *words]
+        child = subprocess.Popen(command, cwd=output.parent, stdout=text, stderr=subprocess.STDOUT)
         processor_s, largest_kib, together_kib = 0.0, 0, 0
         with suppress(ChildProcessError):  # no process is left
             while True:
@@ -145,6 +153,39 @@ def measure(inputs: Inputs) -> Iterator[Row]:
             yield Row(f"run on {titles[name]}: all processes", cost.processor_s, "processor s")
             yield Row(f"run on {titles[name]}: largest process", cost.largest_mib, "MiB")
             yield Row(f"run on {titles[name]}: all processes together", cost.together_mib, "MiB")
+        recording = Path(folder, INPUTS["recording"][0])
+        yield from of_commands(recording, titles["recording"], int(1000 * sizes.megabytes))
+
+
+def of_commands(recording: Path, title: str, packets: int) -> Iterator[Row]:
+    """Measure commands on a recording, and by how much their memory grows from a short one's.
+
+    Then packets of the short one are written and read turn by turn by `live_turns`.
+    """
+    folder = recording.parent
+    short, printed = folder / "short.pcap", folder / "printed.txt"
+    write_recording(short, argparse.Namespace(megabytes=0.1))
+    costs: dict[str, list[Cost]] = defaultdict(list)
+    for path in (short, recording):
+        small, one_turn = path.with_suffix(".puck"), folder / "turn.ply"
+        for name, words in {
+            "compress --effort fast": ["compress", path, small, "--effort", "fast"],
+            "decompress": ["decompress", small, folder / "back.pcap"],
+            "export --turns 1-1": ["export", path, one_turn, "--turns", "1-1"],
+            "export --turns 1-1 of .puck": ["export", small, one_turn, "--turns", "1-1"],
+        }.items():
+            costs[name].append(cost_of(["-m", "puckbench", *map(str, words)], printed))
+    for name, (of_short, of_long) in costs.items():
+        growth = of_long.largest_mib - of_short.largest_mib
+        yield Row(f"{name} on {title}", of_long.processor_s, "processor s")
+        yield Row(f"{name} on {title}: growth of memory", growth, "MiB")
+    for action, words in {"write": [short, "--packets", packets], "read": []}.items():
+        file = folder / "live.puck"
+        script = Path(__file__).with_name("live_turns.py")
+        cost = cost_of([*map(str, (script, action, file, *words))], printed)
+        what = f"{action} {packets:,} packets turn by turn"
+        yield Row(what, cost.processor_s, "processor s")
+        yield Row(f"{what}: memory", cost.largest_mib, "MiB", at_most=286)
 
 
 def _resident_kib() -> int:

@@ -192,7 +192,10 @@ def _is_capture(file: IO[bytes], places: list[RecordPlace]) -> bool:
 def _are_alike(lengths: list[int]) -> bool:
     """Return whether all turns but the first and the last, which may be cut off, are as long."""
     whole = np.array(lengths[1:-1])
-    return not len(whole) or bool((np.abs(whole / np.median(whole) - 1) <= _MOST_OFF).all())
+    if not len(whole):
+        return True
+    usual = np.median(whole)
+    return bool((np.abs(whole - usual) <= _MOST_OFF * usual).all())
 
 
 def _count_blocks(body: bytes) -> int:

@@ -74,7 +74,11 @@ class Writer:
         ------
         InputError
             The arrays of the turn do not have the layout's shapes and types.
+        ValueError
+            The writer is closed.
         """
+        if not self._is_open:
+            raise ValueError("the writer is closed")
         return self._write(Record(RecordKind.TURN, self._encoder.encode(turn)))
 
     def close(self) -> None:

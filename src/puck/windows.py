@@ -82,7 +82,7 @@ class Windows:
         self.read, self.checksum = self.read + len(raw), zlib.crc32(raw, self.checksum)
         part = np.frombuffer(raw, np.uint8)
         if self.page:
-            if len(raw) % self.page:
+            if len(raw) % self.page or self.read > (self.size or 0):
                 raise InputError(f"{self._stream.name}: changes while it is read")
             part = part.reshape(-1, self.page)[:, LINK_BYTES:].ravel()
         self._content = np.concatenate([self._content, part])

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import os
+import subprocess
+import sys
 import threading
 from io import BytesIO
 from pathlib import Path
@@ -154,3 +156,52 @@ def test_packets_come_back_from_turns_one_after_another() -> None:
             writer.add(turn_of(KIND, part))
     back = [packets_of(KIND, turn) for turn in read_turns(BytesIO(stream.getvalue()))]
     assert np.array_equal(np.concatenate(back), packets)
+
+
+def test_memory_does_not_grow_with_the_number_of_turns(tmp_path: Path) -> None:
+    """A million packets would have to take less than 300 MB; this is a fiftieth of both.
+
+    What the compiler of the loops takes does not count.
+    """
+    command = [sys.executable, "-c", MEASURE, str(tmp_path / "live.puck"), "20000"]
+    done = subprocess.run(command, capture_output=True, text=True, check=True, cwd=ROOT)
+    written, read, writing_mib, reading_mib = map(float, done.stdout.split())
+    assert written == read > 20_000
+    assert max(writing_mib, reading_mib) < 6
+
+
+ROOT = Path(__file__).parents[2]
+MEASURE = """
+import resource, sys
+from dataclasses import replace
+import numpy as np
+from puck import CodingOptions, Writer, packet_kind, read_turns
+from puck.recordings.packet_turns import split_turns, turn_of
+from tests.support.spinning import spin
+
+def resident_mib():
+    with open("/proc/self/statm") as file:
+        return int(file.read().split()[1]) * resource.getpagesize() / 2**20
+
+path, most = sys.argv[1], int(sys.argv[2])
+kind, packets = packet_kind(0x22, 0x37), spin(packets=400, rise=40)
+turns = [turn_of(kind, part) for _, part in split_turns(packets)]
+written = read = repetition = 0
+few = 5000  # packets, of some turns after a second key turn
+writing, reading = [], []
+with open(path, "w+b") as file, Writer(file, kind.layout, CodingOptions(effort="fast")) as writer:
+    while written <= most:
+        for turn in turns:
+            times = (turn.times.astype(np.int64) + 1327 * 400 * repetition) % 3_600_000_000
+            writer.add(replace(turn, times=times.astype(np.uint32)))
+            written += len(times)
+            if written > few:
+                writing.append(resident_mib())
+        repetition += 1
+with open(path, "rb") as file:
+    for turn in read_turns(file):
+        read += len(turn.times)
+        if read > few:
+            reading.append(resident_mib())
+print(written, read, max(writing) - writing[0], max(reading) - reading[0])
+"""

@@ -43,6 +43,8 @@ class PacketLog:
         """Return the packets received from `start_s` to `end_s` seconds after the earliest one."""
         since = self.received - self.received.min(initial=np.inf)
         rows = (since >= start_s) & (since < end_s)
+        if rows.all():
+            return self  # without a copy
         return replace(self, payloads=self.payloads[rows], received=self.received[rows])
 
 
