@@ -350,7 +350,7 @@ def _sensor(document: Mapping[str, Any]) -> OusterSensor:
         azimuths_deg=_floats(values["beam_azimuth_angles"]),
         radial_mm=float(radial),
         height_mm=to_lidar[11] + to_sensor[11],
-        first_column=int(first),
+        first_column=int(first) % columns,
         assumed=tuple(assumed),
     )
     lasers = {len(elevations), len(sensor.azimuths_deg)}
