@@ -22,7 +22,6 @@ from pointkit.lidar.returns import HOUR_US, Returns
 from pointkit.lidar.turns import clock_steps
 from pointkit.terminal import Progress
 from puckbench.recordings.export import (
-    OF_POINTS,
     Columns,
     column_us,
     columns_of_returns,
@@ -32,8 +31,6 @@ from puckbench.recordings.table_turns import turn_of_table, whole_turns
 from virtual_lidar.scan_returns import frame_poses, sensor_points
 from virtual_lidar.scan_table import ScanTable
 
-FORMATS = tuple(suffix[1:] for suffix in OF_POINTS)
-"""Formats of frames."""
 _log = logging.getLogger(__name__)
 
 
@@ -70,7 +67,7 @@ def write_frames(folder: Path, form: str, frames: Iterable[Frame], count: int) -
     folder
         The folder, which must be empty or not exist.
     form
-        Format of the files, one of `FORMATS`.
+        Format of the files: a suffix in `export.OF_POINTS`, without its dot.
     frames
         The frames, of which one at a time is held in memory.
     count

@@ -285,7 +285,7 @@ def test_a_compressed_bag_is_named_and_not_its_copy(
             -3,
             ".bin",
             -3,
-            "intensities from -3 to -3 remain as they are, as they are none from 0 to 1",
+            "intensities from -3 to -3 remain as they are, as they are none from 0 to 255",
         ),
         (
             4000,
@@ -295,7 +295,7 @@ def test_a_compressed_bag_is_named_and_not_its_copy(
         ),
         (7, ".las", 7, None),
         (4000, ".las", 4000, None),
-        (0.25, ".las", 0, "intensities from 0.25 to 0.25 become whole numbers from 0 to 65535"),
+        (0.25, ".las", 16384, "intensities from 0.25 to 0.25 are multiplied by 65535"),
         (-3, ".las", 0, "intensities from -3 to -3 become whole numbers from 0 to 65535"),
     ],
 )
