@@ -71,7 +71,8 @@ def there_and_back(
 def test_packets_of_each_profile_come_back(tmp_path: Path, profile: str, is_odd: bool) -> None:
     packets = sent(sensor_of(tmp_path, profile), is_odd=is_odd)
     account = there_and_back(tmp_path, capture(packets, WHOLE))
-    assert (account.packets, account.turns) == (64, 2)
+    assert account.packets == 64
+    assert account.turns == 2 or is_odd  # odd packets have no clock by which they are in order
     if not is_odd:
         assert account.compressed < 0.8 * len(lzma.compress(b"".join(packets)))
 
