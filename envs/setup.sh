@@ -134,7 +134,7 @@ pip_install() { # --no-build-isolation: what has no wheel is built with the pinn
 }
 
 tell() { # packages: how far pip is, while it runs
-    while sleep 15 >/dev/null 2>&1; do
+    while sleep 15 >/dev/null 2>&1 && kill -0 $$ 2>/dev/null; do # until this script ends or is killed
         if grep -q '^Installing collected' .venv/.pip.log; then say "unpacking"; continue; fi
         say "$(grep -cE '^(Collecting|Requirement already)' .venv/.pip.log) of about $1 packages are here"
     done
