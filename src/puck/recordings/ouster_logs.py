@@ -16,6 +16,8 @@ from puck.recordings.packets import PacketLog, joined
 
 _ENCODER_TICKS = 90112
 """Number of ticks of the azimuth encoder in a revolution, in packets of early firmware."""
+_MOST_OFF = 1.4
+"""Greatest ratio of the columns in the time of a revolution to those in the metadata."""
 _FEWEST_TURNS = 3
 """Least number of revolutions, of which one is whole, whose columns are compared."""
 
@@ -96,4 +98,20 @@ def _wrong_columns(sensor: OusterSensor, packets: NDArray[Any]) -> str | None:
     turns = len(np.unique(frame_numbers(packets)))
     if turns >= _FEWEST_TURNS and 2 * most <= sensor.columns < 2 * sensor.whole:
         return f"{turns} turns of columns below {most:,}"
-    return None
+    return _wrong_rotation(sensor, packets)
+
+
+def _wrong_rotation(sensor: OusterSensor, packets: NDArray[Any]) -> str | None:
+    """Return how many columns fit into the time of a revolution, if it is another number."""
+    frames, first = np.unique(frame_numbers(packets), return_index=True)
+    times = packets["columns"]["time"].astype(np.int64)
+    if len(frames) < _FEWEST_TURNS or times.shape[1] < 2:
+        return None
+    column_ns = float(np.median(np.diff(times, axis=1)))
+    begun = times[first, 0] - column_ns * packets["columns"]["column"][first, 0]
+    turn_ns = float(np.median(np.diff(begun) / np.diff(frames)))
+    if column_ns <= 0 or turn_ns <= 0:
+        return None
+    columns = turn_ns / column_ns
+    is_right = 1 / _MOST_OFF < columns / sensor.columns < _MOST_OFF
+    return None if is_right else f"turns that take the time of {columns:,.0f} columns"

@@ -201,9 +201,11 @@ def export_points(path: Path, columns: Columns, tell: Tell = warn) -> dict[str, 
     Raises
     ------
     InputError
-        The suffix is another one, or there are no points.
+        The suffix is another one, there are no points, or a coordinate is not finite.
     """
     suffix = checked_suffix(path, len(columns["x"]))
+    if odd := int((~np.isfinite([columns[axis] for axis in "xyz"])).any(axis=0).sum()):
+        raise InputError(f"{path}: {odd:,} points have coordinates that are not finite")
     if suffix not in _POINTS:
         raise InputError(f"{path}: a recording has no true coordinates and no scan's columns")
     _POINTS[suffix](path, columns, tell)

@@ -118,6 +118,8 @@ def read_message_columns(
     first, last = turns
     label = f"{path}: topic {name}"
     with naming(label):
+        if not count:
+            raise InputError("has no messages")
         if not 0 <= first <= last < count:
             raise InputError(f"has messages 0 to {count - 1}, not {first} to {last}")
         apart_s = _time_between(path, name, last, count) if first == last else None
@@ -159,6 +161,8 @@ def iterate_messages(
     first, last = turns or (0, count - 1)
     label = f"{path}: topic {name}"
     with naming(label):
+        if not count:
+            raise InputError("has no messages")
         if not 0 <= first <= last < count:
             raise InputError(f"has messages 0 to {count - 1}, not {first} to {last}")
         before, begin_s, missing = list[MessagePoints](), 0.0, 0

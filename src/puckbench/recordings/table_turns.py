@@ -7,18 +7,19 @@ import numpy as np
 from pointkit.geometry.cloud import PointCloud
 from pointkit.lidar.return_table import UNKNOWN, ReturnTable
 
-_MESSAGES = "messages"
-"""Entry in the description of tables whose turns are messages of a ROS topic."""
+_PACKETS = "packets"
+"""Entry in the description of tables whose turns are of packets, not messages with clouds."""
 
 
 def whole_turns(table: ReturnTable) -> list[int]:
     """Return the numbers of the turns of a table that are not cut off.
 
-    They are all turns if there are one or two, or if each turn is a message of a ROS topic.
+    They are all turns if there are one or two, or if each turn is a message with a cloud.
     Otherwise, the first and the last turn are taken to be cut off.
     """
     numbers: list[int] = np.unique(table["turn"]).tolist()
-    return numbers if len(numbers) < 3 or _MESSAGES in table.about else numbers[1:-1]
+    is_cut = len(numbers) > 2 and _PACKETS in table.about
+    return numbers[1:-1] if is_cut else numbers
 
 
 def turn_of_table(table: ReturnTable, number: int) -> ReturnTable:
