@@ -21,6 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pointkit.coding.byte_io import Reader, base_128
+from pointkit.coding.zstandard import compressed
 from pointkit.errors import InputError, naming
 from pointkit.files import open_file, written_whole
 from puck.chunks import ChunkPacker
@@ -59,6 +60,10 @@ _MOST_BATCH_BYTES = 1 << 26
 """Maximum number of bytes of a batch's turns in a stream, which are held in memory."""
 _MANY_BYTES, _BYTES_PER_BYTE = 3 << 24, 40
 """Limit of a restored recording's size: a constant, and more for each byte of the stream."""
+_MOST_METADATA = 1 << 18
+"""Maximum size in bytes of the metadata of an Ouster in a stream."""
+_QUICKLY, _CLOSE = 1, 2.5
+"""Level of Zstandard that tells whether LZMA may be better, and how near it then comes."""
 _FRAME_BYTES = 16
 """Maximum number of bytes that state the length of a gap. A decoder counts them as output, too."""
 
@@ -172,6 +177,10 @@ class _Limits:
 @dataclass(kw_only=True)
 class _Batch(_Counts):
     records: list[Record] = field(default_factory=list)
+
+    @property
+    def size(self) -> int:
+        return sum(len(record.body) for record in self.records)
 
 
 def compress(
@@ -319,7 +328,8 @@ def _records(
     encoder, done = _BatchEncoder(options), 0
     for window in search(windows, formats):
         yield from windows.take_records()
-        if metadata and window.packets.places.size and window.packets.format is not VELODYNE:
+        is_short = 0 < len(metadata) <= _MOST_METADATA
+        if is_short and window.packets.places.size and window.packets.format is not VELODYNE:
             yield Record(RecordKind.METADATA, compress_bytes(metadata))
             summary.metadata, metadata = metadata, b""
         batches = encoder.batches(window, partial(_report_at, report, windows, done))
@@ -341,7 +351,7 @@ def _report_at(report: Report, windows: Windows, done: int, within: int) -> None
 
 
 def _fits(batch: _Batch, summary: RecordingSummary, done: int) -> bool:
-    limits = _Limits(summary.compressed + sum(len(record.body) for record in batch.records))
+    limits = _Limits(summary.compressed + batch.size)
     done += _FRAME_BYTES
     return summary.ranges + batch.ranges <= limits.ranges and done <= limits.bytes
 
@@ -448,6 +458,10 @@ def _find(formats: list[PacketFormat], data: Bytes) -> FoundPackets:
     return best
 
 
+def _gaps_of(content: bytes, encode: Callable[[list[bytes]], bytes]) -> _Batch:
+    return _Batch(records=[Record(RecordKind.GAPS, base_128(0) + encode([content]))])
+
+
 class _BatchEncoder:
     def __init__(self, options: CodingOptions) -> None:
         self._options, self._sorter, self._sensor = options, PacketSorter(), 0
@@ -455,20 +469,25 @@ class _BatchEncoder:
         self._clouds = CloudsEncoder(options)
 
     def batches(self, window: Window, report: Callable[[int], None]) -> Iterator[_Batch]:
-        """Yield three encodings of a window, of which the caller uses the first within the
+        """Yield encodings of a window, of which the caller uses the first within the
         decoder's limits.
 
-        The first encodes packets as turns, and clouds; the second compresses all bytes by LZMA; and
-        the third stores the bytes, which is always within the limits.
+        The first encodes packets as turns, and clouds, and is left out if it is larger than the
+        second, which compresses all bytes by LZMA. The third stores the bytes, which is always
+        within the limits.
         """
         sensor = self._sensor
-        yield self._batch(window, report)
+        batch, content = self._batch(window, report), window.data.tobytes()
+        plain = None
+        if window.clouds and len(compressed(content, _QUICKLY, long=True)) < _CLOSE * batch.size:
+            plain = _gaps_of(content, encode_gaps)
+        if plain is None or batch.size <= plain.size:
+            yield batch
         self._sensor = sensor
         self._packets.clear()
         self._clouds = CloudsEncoder(self._options)
-        gaps = [window.data.tobytes()]
-        for encode in (encode_gaps, store_gaps):
-            yield _Batch(records=[Record(RecordKind.GAPS, base_128(0) + encode(gaps))])
+        yield plain or _gaps_of(content, encode_gaps)
+        yield _gaps_of(content, store_gaps)
 
     def _batch(self, window: Window, report: Callable[[int], None]) -> _Batch:
         batch, (data, packets, clouds) = _Batch(), window
@@ -640,7 +659,8 @@ class _Restorer:
         self._limits.check(self._summary.ranges, self._limits.ranges, "ranges")
 
     def _add_metadata(self, body: bytes) -> None:
-        metadata = decompress_bytes(Reader(body), self.writer.admit)
+        check(not self._summary.metadata)
+        metadata = decompress_bytes(Reader(body), lambda size: check(size <= _MOST_METADATA))
         sensor_of(metadata, "its metadata")
         self._summary.metadata = metadata
 

@@ -7,6 +7,7 @@ Points are in Ouster's sensor coordinates, whose x axis is forward.
 from __future__ import annotations
 
 import logging
+import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -249,13 +250,16 @@ def write_metadata_beside(recording: Path, metadata: bytes) -> None:
 
     A file that is there already is kept, and a warning is logged if its content differs.
     """
-    beside = metadata_beside(recording)
+    beside, place = metadata_beside(recording), recording.with_suffix(".json")
+    if beside and read_bytes(beside) == metadata:
+        return
     if beside and len(beside.stem) >= len(recording.stem):
-        if read_bytes(beside) != metadata:
-            told = "differs from the metadata in the compressed recording and is kept"
-            _log.warning("%s: %s", beside, told)
-    elif not (beside and read_bytes(beside) == metadata):
-        write_bytes(recording.with_suffix(".json"), metadata)
+        told = "differs from the metadata in the compressed recording and is kept"
+        _log.warning("%s: %s", beside, told)
+    elif os.path.lexists(place):
+        _log.warning("%s: is kept; the metadata of the sensor are not written beside", place)
+    else:
+        write_bytes(place, metadata)
 
 
 def sensor_beside(recording: Path, source: Path) -> tuple[OusterSensor, str] | None:

@@ -16,8 +16,8 @@ from puck.recordings.packets import PacketLog, joined
 
 _ENCODER_TICKS = 90112
 """Number of ticks of the azimuth encoder in a revolution, in packets of early firmware."""
-_MOST_OFF = 1.4
-"""Greatest ratio of the columns in the time of a revolution to those in the metadata."""
+_LEAST_SHARE = 0.7
+"""Least share of a revolution's columns that fits into its time."""
 _FEWEST_TURNS = 3
 """Least number of revolutions, of which one is whole, whose columns are compared."""
 
@@ -102,7 +102,7 @@ def _wrong_columns(sensor: OusterSensor, packets: NDArray[Any]) -> str | None:
 
 
 def _wrong_rotation(sensor: OusterSensor, packets: NDArray[Any]) -> str | None:
-    """Return how many columns fit into the time of a revolution, if it is another number."""
+    """Return how many columns fit into the time of a revolution, if it is too short for all."""
     frames, first = np.unique(frame_numbers(packets), return_index=True)
     times = packets["columns"]["time"].astype(np.int64)
     if len(frames) < _FEWEST_TURNS or times.shape[1] < 2:
@@ -113,5 +113,5 @@ def _wrong_rotation(sensor: OusterSensor, packets: NDArray[Any]) -> str | None:
     if column_ns <= 0 or turn_ns <= 0:
         return None
     columns = turn_ns / column_ns
-    is_right = 1 / _MOST_OFF < columns / sensor.columns < _MOST_OFF
-    return None if is_right else f"turns that take the time of {columns:,.0f} columns"
+    is_short = columns < _LEAST_SHARE * sensor.columns
+    return f"turns that take the time of {columns:,.0f} columns" if is_short else None
