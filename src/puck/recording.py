@@ -62,8 +62,9 @@ _MANY_BYTES, _BYTES_PER_BYTE = 3 << 24, 40
 """Limit of a restored recording's size: a constant, and more for each byte of the stream."""
 _MOST_METADATA = 1 << 18
 """Maximum size in bytes of the metadata of an Ouster in a stream."""
-_QUICKLY, _CLOSE = 1, 2.5
-"""Level of Zstandard that tells whether LZMA may be better, and how near it then comes."""
+_LEAST_PLAIN, _QUICKLY, _CLOSE = 1 << 16, 1, 2.5
+"""Fewest bytes with clouds that may be coded by LZMA alone, level of Zstandard that tells whether
+LZMA may be better, and how near it then comes."""
 _FRAME_BYTES = 16
 """Maximum number of bytes that state the length of a gap. A decoder counts them as output, too."""
 
@@ -479,8 +480,9 @@ class _BatchEncoder:
         sensor = self._sensor
         batch, content = self._batch(window, report), window.data.tobytes()
         plain = None
-        if window.clouds and len(compressed(content, _QUICKLY, long=True)) < _CLOSE * batch.size:
-            plain = _gaps_of(content, encode_gaps)
+        if window.clouds and len(content) >= _LEAST_PLAIN:
+            quick_size = len(compressed(content, _QUICKLY, long=True))
+            plain = _gaps_of(content, encode_gaps) if quick_size < _CLOSE * batch.size else None
         if plain is None or batch.size <= plain.size:
             yield batch
         self._sensor = sensor
