@@ -14,7 +14,7 @@ from puck.cloud_messages import FoundCloud
 from puck.options import CodingOptions
 from puck.records import Record, RecordKind, check
 
-_MOST_STREAMS = 32
+_MOST_STREAMS = 8
 _MOST_FACTOR = 2
 """Maximum factor between the numbers of points of successive clouds of a stream."""
 

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from pointkit.errors import InputError
 from puck.cloud_data import CloudDecoder, CloudEncoder, CloudField, CloudLayout
+from puck.clouds import coding
 from puck.options import EFFORTS, CodingOptions, Effort
 
 FIELD = st.builds(
@@ -199,6 +200,30 @@ def test_noise_and_repetitions_take_no_more_than_lzma() -> None:
     repeated = np.tile(noise[:7], 500)
     for cloud in (noise, repeated):
         assert len(through(POINT, [cloud])[0]) <= xz_bytes([cloud]) + 64
+
+
+def test_many_columns_have_no_models(monkeypatch: pytest.MonkeyPatch) -> None:
+    kind = np.dtype([("x", "<f4"), ("d", "<f4", (40,))])
+    random, layout = np.random.default_rng(3), CloudLayout((CloudField("d", 4, 7, 40),), 164, False)
+    cloud = np.zeros(200, kind)
+    cloud["d"] = random.random((200, 40))
+    data = cloud.tobytes() + b"end"
+
+    def body() -> bytes:
+        encoder = CloudEncoder(layout, CodingOptions())
+        return encoder.encode(data, 200, 1, 200 * 164, is_key=True)
+
+    plain = body()
+    assert CloudDecoder(layout).decode(plain, admit) == data
+    assert len(plain) < len(lzma.compress(data, preset=9 | lzma.PRESET_EXTREME))
+    with monkeypatch.context() as patched:
+        patched.setattr(coding, "_MOST_CODED", 40)
+        patched.setattr(coding, "_MOST_MODELS", 3)  # models are dropped alike
+        modelled = body()
+        assert modelled[0] & 15 == 1
+        assert CloudDecoder(layout).decode(modelled, admit) == data
+    with pytest.raises(InputError):
+        CloudDecoder(layout).decode(modelled, admit)
 
 
 @cache

@@ -50,13 +50,17 @@ from puck.turns import PartReader, Parts, PartWriter, with_coder
 _FEWEST_POINTS = 64
 _MOST_VALUES = 1 << 25
 """Largest number of values in the columns that are not constant."""
+_MOST_CODED = 32
+"""Largest number of columns that are not constant."""
+_MOST_MODELS = 40
+"""Number of models that are kept, of up to 3 MB each."""
 _MOST_RANGE = 1 << 23
 _AZIMUTH_BITS, _RESIDUAL_BITS = 17, 64
 _VALUE_DECISIONS = 80
 """Approximate maximum number of decisions for a value."""
 _PLAIN_STEPS = 1 << 40
 _RANGES = -1
-"""Key of the ranges among the columns of the cloud before."""
+"""Number of the ranges among the columns."""
 _HAS_RAYS, _HAS_OLD_RAYS, _HAS_MISSING = 1, 2, 4
 
 Indices = NDArray[np.intp]
@@ -95,11 +99,14 @@ class _Plan:
 
 @dataclass
 class _State:
-    """Models, and what of the cloud before predicts the next one."""
+    """Models, and what of the cloud before predicts the next one.
+
+    Models are in the order of their last use. Columns before have the names of their models.
+    """
 
     models: dict[str, Any] = field(default_factory=dict)
     series: dict[str, Ints] = field(default_factory=dict)
-    values: dict[int, ValueColumn] = field(default_factory=dict)
+    values: dict[str, ValueColumn] = field(default_factory=dict)
     rings: Rings | None = None
     rays: Rays | None = None
 
@@ -128,7 +135,7 @@ class PointCoder:
 
     @np.errstate(all="ignore")
     def encode(self, points: Bytes, width: int) -> bytes:
-        """Return bytes from which `decode` restores points, or no bytes if there are too many.
+        """Return bytes from which `decode` restores points, or no bytes if they have too much.
 
         Parameters
         ----------
@@ -140,7 +147,7 @@ class PointCoder:
         layout = self._layout
         values = [layout.values(points, column).astype(np.int64) for column in layout.columns]
         plan, aim = self._plan(values, width)
-        if _count_values(plan, len(points)) > _MOST_VALUES:
+        if not _is_small(plan, len(points)):
             return b""
         writer, head = PartWriter(), self._packed(plan)
         self._code(plan, values, width, writer, aim)
@@ -154,7 +161,7 @@ class PointCoder:
         """
         layout = self._layout
         plan = self._unpacked(Reader(reader.take(reader.number())))
-        check(_count_values(plan, count) <= _MOST_VALUES)
+        check(_is_small(plan, count))
         values = [
             np.broadcast_to(one.start, count)
             if one.way == Way.CONSTANT
@@ -279,9 +286,13 @@ class PointCoder:
         self, name: str, new: Callable[[BitCoder], Any], most_decisions: int, parts: Parts,
         code: Callable[..., bool], *arguments: Any,
     ) -> None:  # fmt: skip
-        bits, models = parts.open(most_decisions), self._state.models
-        model = with_coder(models[name], bits) if name in models else new(bits)
-        models[name] = model
+        bits, state = parts.open(most_decisions), self._state
+        model = state.models.pop(name, None)
+        state.models[name] = model = with_coder(model, bits) if model else new(bits)
+        if len(state.models) > _MOST_MODELS:
+            oldest = next(iter(state.models))
+            for kept in (state.models, state.series, state.values):
+                kept.pop(oldest, None)
         parts.close(bits, code(model, *arguments))
 
     def _new_series(self, bits: BitCoder) -> SeriesModel:
@@ -294,9 +305,9 @@ class PointCoder:
         self, name: str, values: Ints, rings: Words, width: int, bits: int, parts: Parts,
         skips: NDArray[np.bool_] | None = None,
     ) -> None:  # fmt: skip
-        count, state = len(values), self._state
+        count, state, name = len(values), self._state, f"series {name}"
         self._code_part(
-            f"series {name}", self._new_series, (2 * bits + 4) * count, parts, code_series,
+            name, self._new_series, (2 * bits + 4) * count, parts, code_series,
             values, rings, state.series.get(name, np.zeros(0, np.int64)),
             np.zeros(count, bool) if skips is None else skips, width, bits,
             np.zeros(PREDICTIONS, np.int64), np.zeros(count, np.int64),
@@ -346,15 +357,16 @@ class PointCoder:
     def _code_column(
         self, k: int, column: ValueColumn, near: Words, rings: Words, farthest: int, parts: Parts
     ) -> None:
-        before = self._state.values.get(k)
+        name = f"values {k}"
+        before = self._state.values.get(name)
         if before is None or int(near[:, THEN:].max(initial=0)) >= len(before.values):
             before, near = blank_column(0), near.copy()
             near[:, THEN:] = 0
         self._code_part(
-            f"values {k}", self._new_values, _VALUE_DECISIONS * len(rings), parts, code_values,
+            name, self._new_values, _VALUE_DECISIONS * len(rings), parts, code_values,
             column, before, near, rings, farthest, k == _RANGES,
         )  # fmt: skip
-        self._state.values[k] = column
+        self._state.values[name] = column
 
     def _code_points(
         self, rays: Rays, actual: list[Ints], rings: Words, azimuths: Ints, ranges: Ints,
@@ -420,8 +432,9 @@ def _axes(layout: CloudLayout) -> _Axes | None:
     return _Axes(x, y, z, rings[0]) if are_single and is_whole else None
 
 
-def _count_values(plan: _Plan, count: int) -> int:
-    return count * sum(column.way != Way.CONSTANT for column in plan.columns)
+def _is_small(plan: _Plan, count: int) -> bool:
+    coded = sum(column.way != Way.CONSTANT for column in plan.columns)
+    return coded <= _MOST_CODED and count * coded <= _MOST_VALUES
 
 
 def _missing(x: Ints, y: Ints, z: Ints) -> tuple[tuple[int, int, int], NDArray[np.bool_]]:
