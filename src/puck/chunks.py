@@ -7,6 +7,7 @@ Zstandard differ in their bytes, so that a stream states the versions with which
 from __future__ import annotations
 
 import bz2
+import re
 from collections import Counter, deque
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
@@ -26,6 +27,9 @@ _LONGEST_HEADER = 1 << 16
 _PORTION = 1 << 20
 _MOST_FACTOR, _FEW_BYTES = 32, 1 << 16
 """Limit of the content of a chunk: so many bytes for each compressed byte, and more."""
+_MOST_OPENED_FACTOR, _FEW_OPENED_BYTES = 16, 1 << 24
+"""Limit of the content of all chunks, for each byte of the file so far, and more. It is far below
+the limit of a decoder, which is in bytes of the stream."""
 _TRIALS = 2
 """Number of a file's first chunks for which all usual levels are tried."""
 _MOST_PACKERS = 256
@@ -131,6 +135,7 @@ class Packer(NamedTuple):
             packer = cls(method, version, int(level), int(flags))
         except ValueError as error:
             raise InputError(DAMAGED) from error
+        check(re.fullmatch("[0-9.]{1,16}", version) is not None)
         check(method in _METHODS and packer.level in _METHODS[method].levels)
         check(0 <= packer.flags < 256)
         return packer
@@ -251,7 +256,7 @@ class ChunkOpener:
         self._known = 0  # packers that a record already stated
         self._trials: Counter[str] = Counter()
         self._places: list[tuple[int, int, int]] = []
-        self._at, self._end = 0, 0
+        self._read, self._at, self._end = 0, 0, 0
         self.opened, self.kept = 0, 0
 
     def read(self, size: int) -> bytes:
@@ -260,6 +265,7 @@ class ChunkOpener:
             part = next(self._parts, None)
             if part is None:
                 return b""
+            self._read += len(part.data if isinstance(part, Chunk) else part)
             self._part = memoryview(self._opened(part) if isinstance(part, Chunk) else part)
             self._at += len(self._part)
         first, self._part = self._part[:size], self._part[size:]
@@ -293,6 +299,7 @@ class ChunkOpener:
     def _unpacked(self, chunk: Chunk) -> tuple[bytes, Packer | None]:
         method = _METHODS.get(chunk.compression)
         most = min(MOST_RAW_BYTES, _FEW_BYTES + _MOST_FACTOR * len(chunk.data))
+        most = min(most, _FEW_OPENED_BYTES + _MOST_OPENED_FACTOR * self._read - self._at)
         if method is None or not 0 < chunk.size <= most:
             return b"", None
         known = [each.level for each in self._packers if each.method == chunk.compression][-1:]

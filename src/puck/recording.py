@@ -551,12 +551,12 @@ class _BatchEncoder:
 
 
 class _RecordingWriter:
-    def __init__(self, stream: IO[bytes], limits: _Limits) -> None:
-        self._stream, self._limits = stream, limits
+    def __init__(self, stream: IO[bytes], limits: _Limits, whole: _Limits | None) -> None:
+        self._stream, self._limits, self._whole = stream, limits, whole
         self._out = stream
         self._chunks, self._pages = ChunkPacker(), PageWriter()
         self._at, self._position = 0, 0
-        self._checksum, self._is_in_order = 0, True
+        self._checksum, self._is_in_order, self._has_payloads = 0, True, False
         self.size = 0
 
     def admit(self, size: int) -> None:
@@ -569,9 +569,12 @@ class _RecordingWriter:
         links = decompress_bytes(reader, lambda size: None)
         check(len(links) % LINK_BYTES == 0)
         self._pages = PageWriter(page, decode_links(links))
+        if self._whole is not None:
+            self._whole.check(self._pages.content_size, self._whole.bytes, "bytes")
 
     def start_payloads(self, body: bytes) -> None:
-        check(not self._at)
+        check(not self._at and not self._has_payloads)
+        self._has_payloads = True
         self._pages.set_payloads(body)
         if not self._stream.seekable():
             self._out = TemporaryFile()  # noqa: SIM115 (closed by `close`)
@@ -597,6 +600,7 @@ class _RecordingWriter:
 
     def finish(self, end: bytes) -> None:
         """Verify the number of bytes and their checksum, which are the body of an END record."""
+        check(self._pages.is_whole(self.size))
         if not self._is_in_order:
             self._checksum = 0
             self._out.seek(0)
@@ -632,9 +636,15 @@ class _Counted:
 class _Restorer:
     """Decoder of the records of a recording, in the order of the stream."""
 
-    def __init__(self, stream: IO[bytes], limits: _Limits, summary: RecordingSummary) -> None:
+    def __init__(
+        self,
+        stream: IO[bytes],
+        limits: _Limits,
+        whole: _Limits | None,
+        summary: RecordingSummary,
+    ) -> None:
         self._limits, self._summary = limits, summary
-        self.writer = writer = _RecordingWriter(stream, limits)
+        self.writer = writer = _RecordingWriter(stream, limits, whole)
         self._packets = SensorsDecoder(2 * _WINDOW)
         self._clouds = CloudsDecoder(self._admit_cloud)
         self._places = b""
@@ -688,7 +698,8 @@ def _restore(
     source: _Counted, stream: IO[bytes], trusted: bool, report: Report
 ) -> RecordingSummary:
     summary, limits, done = RecordingSummary(), _Limits(0, trusted), 0
-    restorer = _Restorer(stream, limits, summary)
+    whole = None if source.size is None else _Limits(source.size, trusted)
+    restorer = _Restorer(stream, limits, whole, summary)
     with closing(restorer.writer) as writer:
         for record in _within_limits(source, limits, summary):
             done += len(record.body)

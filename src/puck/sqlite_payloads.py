@@ -7,6 +7,7 @@ overflow pages. In this order, the beginning follows directly before the rest.
 from __future__ import annotations
 
 import os
+from array import array
 from collections.abc import Iterator
 from typing import IO, NamedTuple
 
@@ -15,7 +16,7 @@ from numpy.typing import NDArray
 
 from pointkit.coding.byte_io import Reader
 from pointkit.errors import InputError
-from puck.gaps import Bytes, compress_bytes, decompress_bytes
+from puck.gaps import MOST_RAW_BYTES, Bytes, compress_bytes, decompress_bytes
 from puck.records import check
 from puck.sqlite_pages import LINK_BYTES
 
@@ -25,6 +26,10 @@ _FILE_HEADER, _LEAF_HEADER = 100, 8
 _RESERVED_AT = 20
 _LONGEST_NUMBER = 9
 _INTEGER_BYTES = 4
+_FEW_PARTS, _PARTS_PER_BYTE = 1 << 18, 8
+"""Limit of the parts of the content: a constant, and more for each byte of the encoded rows."""
+_VISITS = 4
+"""Limit of the pages that are visited in search of usable rows, for each page of the file."""
 Ints = NDArray[np.int64]
 
 
@@ -47,15 +52,20 @@ def encode_payloads(payloads: list[Payload]) -> bytes:
     return compress_bytes(planes.tobytes())
 
 
-def decode_payloads(body: bytes, most: int) -> list[Payload]:
-    """Return the rows that `encode_payloads` encoded; there may be `most` of them."""
+def most_parts(body: bytes) -> int:
+    """Return how many parts of the content the rows that `encode_payloads` encoded may form."""
+    most = _FEW_PARTS + _PARTS_PER_BYTE * len(body)
+    return min(most, MOST_RAW_BYTES // (len(Payload._fields) * _INTEGER_BYTES))
+
+
+def decode_payloads(body: bytes, most: int) -> Ints:
+    """Return the rows (n, 4) that `encode_payloads` encoded; there may be `most` of them."""
     row = len(Payload._fields) * _INTEGER_BYTES
     raw = decompress_bytes(Reader(body), lambda size: check(size <= row * most))
     check(len(raw) % row == 0)
     planes = np.frombuffer(raw, np.uint8).reshape(len(Payload._fields), _INTEGER_BYTES, -1)
     steps = np.ascontiguousarray(planes.swapaxes(1, 2)).view("<i4")[..., 0]
-    columns = np.cumsum(steps, axis=1, dtype=np.int64)
-    return list(map(Payload._make, columns.T.tolist()))
+    return np.cumsum(steps, axis=1, dtype=np.int64).T
 
 
 def find_payloads(pages: Bytes, first: int) -> list[Payload]:
@@ -81,6 +91,8 @@ def _rows_of(number: int, page: Bytes, head: int, size: int) -> list[Payload]:
     cells = cells[(cells >= start) & (cells < size - 2 * _LONGEST_NUMBER - LINK_BYTES)]
     high, low = page[cells].astype(np.int64), page[cells + 1].astype(np.int64)
     is_long = (high >= 128) & ((low >= 128) | ((high & 127) * 128 + low > _longest_local(size)))
+    if np.count_nonzero(is_long) * _least_local(size) > size:  # cells that overlap
+        return []
     rows = []
     for cell in cells[is_long].tolist():
         numbers = page[cell : cell + 2 * _LONGEST_NUMBER].tobytes()
@@ -107,8 +119,12 @@ def _longest_local(page: int) -> int:
     return page - 35
 
 
+def _least_local(page: int) -> int:
+    return (page - 12) * 32 // 255 - 23
+
+
 def _local_bytes(length: int, page: int) -> int:
-    least = (page - 12) * 32 // 255 - 23
+    least = _least_local(page)
     local = least + (length - least) % (page - LINK_BYTES)
     return local if local <= _longest_local(page) else least
 
@@ -138,34 +154,44 @@ class PageOrder:
     def usable(self, payloads: list[Payload]) -> list[Payload]:
         """Return the rows whose overflow pages are in the file, and are no other row's, sorted."""
         is_free, usable = np.ones(len(self._next), bool), []
+        visits = _VISITS * len(self._next)
         for payload in sorted(payloads, key=lambda each: each.first):
+            taken: list[slice] = []
             try:
-                runs = self._chain(payload)
+                for run in self._chain(payload):
+                    pages = slice(run.first, run.first + run.pages)
+                    visits -= run.pages
+                    check(visits >= 0 and bool(is_free[pages].all()))
+                    is_free[pages] = False
+                    taken.append(pages)
             except InputError:
-                continue
-            slices = [slice(run.first, run.first + run.pages) for run in runs]
-            if all(is_free[each].all() for each in slices):
+                for pages in taken:
+                    is_free[pages] = True
+            else:
                 usable.append(payload)
-                for each in slices:
-                    is_free[each] = False
         return usable
 
-    def parts(self, payloads: list[Payload]) -> list[tuple[int, int]]:
-        """Return the parts of the content: position of the first byte, and length in bytes.
+    def parts(self, payloads: list[Payload] | Ints, most: int) -> Ints:
+        """Return the parts (n, 2) of the content: position of the first byte, and length in bytes.
 
-        Raises InputError unless the parts cover all bytes once.
+        Raises InputError unless the parts cover all bytes once, and the rows have at most `most`.
         """
         total = len(self._next) * self.content
-        check(sum(map(self._overflow_pages, payloads)) <= len(self._next))
-        keys: list[int] = []
-        parts: list[tuple[int, int]] = []
-        for payload in payloads:
-            check(payload.size > 0 and payload.place >= LINK_BYTES)
+        pages = 0
+        keys, parts = array("q"), array("q")
+        for row in payloads:
+            payload = Payload(*map(int, row))
+            check(payload.size > 0 and LINK_BYTES <= payload.place < self.page)
+            check(0 <= payload.leaf < len(self._next) and 0 <= payload.first < len(self._next))
+            pages += self._overflow_pages(payload)
+            check(pages <= len(self._next))
             begin = payload.leaf * self.content + payload.place - LINK_BYTES
-            runs = self._chain(payload)
-            parts.append((begin, _local_bytes(payload.size, self.page)))
-            parts += [(run.first * self.content, run.pages * self.content) for run in runs]
-            keys += [payload.first * self.content] * (1 + len(runs))
+            parts.extend((begin, _local_bytes(payload.size, self.page)))
+            keys.append(payload.first * self.content)
+            for run in self._chain(payload):
+                parts.extend((run.first * self.content, run.pages * self.content))
+                keys.append(payload.first * self.content)
+                check(len(keys) <= most)
         moved = np.array(parts, np.int64).reshape(-1, 2)
         sorted_parts = moved[np.argsort(moved[:, 0], kind="stable")]
         starts = np.concatenate([[0], sorted_parts.sum(axis=1)])
@@ -174,25 +200,23 @@ class PageOrder:
         rest = np.stack([starts, ends - starts], axis=1)[ends > starts]
         together = np.concatenate([moved, rest])
         order = np.argsort(np.concatenate([np.array(keys, np.int64), rest[:, 0]]), kind="stable")
-        return list(map(tuple, together[order].tolist()))
+        return together[order]
 
     def _overflow_pages(self, payload: Payload) -> int:
         return -(-(payload.size - _local_bytes(payload.size, self.page)) // self.content)
 
-    def _chain(self, payload: Payload) -> list[_Run]:
-        """Return the overflow pages of a row as runs of successive pages."""
+    def _chain(self, payload: Payload) -> Iterator[_Run]:
+        """Yield the overflow pages of a row as runs of successive pages."""
         page, count = payload.first, self._overflow_pages(payload)
         check(0 < count <= len(self._next))
-        runs = []
         while count:
             check(0 <= page < len(self._next))
             end = np.searchsorted(self._ends, page)
             last = int(self._ends[end]) if end < len(self._ends) else len(self._next) - 1
             run = _Run(page, min(last - page + 1, count))
-            runs.append(run)
+            yield run
             count -= run.pages
             page = int(self._next[last])
-        return runs
 
 
 class PageWriter:
@@ -209,14 +233,24 @@ class PageWriter:
     def __init__(self, page: int = 0, links: Bytes | None = None) -> None:
         self.page, self._content = page, page - LINK_BYTES
         self._links = np.zeros((0, LINK_BYTES), np.uint8) if links is None else links
-        self._parts = iter([(0, len(self._links) * self._content)])
+        self._parts = iter(np.array([(0, self.content_size)]))
         self._at, self._end = 0, 0
+
+    @property
+    def content_size(self) -> int:
+        """Number of bytes of the content of all pages."""
+        return len(self._links) * self._content
+
+    def is_whole(self, size: int) -> bool:
+        """Return whether a file of so many bytes has all pages, or no pages at all."""
+        return not self.page or size == len(self._links) * self.page
 
     def set_payloads(self, body: bytes) -> None:
         """Read the body of a PAYLOADS record, which changes the order of the content."""
         check(self.page > 0)
-        payloads = decode_payloads(body, len(self._links))
-        self._parts = iter(PageOrder(self.page, self._links).parts(payloads))
+        most = most_parts(body)
+        payloads = decode_payloads(body, min(most, len(self._links)))
+        self._parts = iter(PageOrder(self.page, self._links).parts(payloads, most))
 
     def pieces(self, data: bytes | memoryview) -> Iterator[tuple[int, bytes | memoryview]]:
         """Yield places in the file, and the bytes there, for the next bytes of the content.
@@ -230,7 +264,7 @@ class PageWriter:
         rest = memoryview(data)
         while rest:
             if self._at == self._end:
-                first, size = next(self._parts, (0, 0))
+                first, size = map(int, next(self._parts, (0, 0)))
                 check(size > 0)
                 self._at, self._end = first, first + size
             number, within = divmod(self._at, self._content)
@@ -257,21 +291,19 @@ class PageReader:
     page
         Number of bytes of a page.
     parts
-        Position of the first byte of each part in the content, and length in bytes.
+        Position of the first byte of each part in the content, and length in bytes (n, 2).
     state
         What `state_of` returned of the file before it was searched for the parts.
     """
 
-    def __init__(
-        self, stream: IO[bytes], page: int, parts: list[tuple[int, int]], state: tuple[int, int]
-    ) -> None:
+    def __init__(self, stream: IO[bytes], page: int, parts: Ints, state: tuple[int, int]) -> None:
         self._stream, self._page, self._parts, self._state = stream, page, iter(parts), state
         self._at, self._end = 0, 0
 
     def read(self, size: int) -> bytes:
         """Return at most `size` bytes, and none only at the end."""
         if self._at == self._end:
-            first, length = next(self._parts, (0, 0))
+            first, length = map(int, next(self._parts, (0, 0)))
             self._at, self._end = first, first + length
             if not length and state_of(self._stream) != self._state:
                 raise InputError(f"{self._stream.name}: changes while it is read")

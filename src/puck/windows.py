@@ -6,7 +6,7 @@ import os
 import shutil
 import zlib
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from tempfile import TemporaryFile
 from typing import IO
@@ -20,7 +20,14 @@ from puck.chunks import MAGICS, ChunkOpener
 from puck.gaps import Bytes, compress_bytes
 from puck.records import Readable, Record, RecordKind, read_up_to
 from puck.sqlite_pages import LINK_BYTES, MAGIC, encode_links, page_size
-from puck.sqlite_payloads import PageOrder, PageReader, encode_payloads, find_payloads, state_of
+from puck.sqlite_payloads import (
+    PageOrder,
+    PageReader,
+    encode_payloads,
+    find_payloads,
+    most_parts,
+    state_of,
+)
 
 _START_BYTES = 18
 """Number of a file's first bytes that show what it is."""
@@ -187,11 +194,12 @@ def _windows_of_file(file: IO[bytes]) -> Windows:
     payloads = order.usable(payloads)
     body = base_128(page) + compress_bytes(encode_links(np.concatenate(links)), are_headers=True)
     header = [Record(RecordKind.PAGES, body)]
-    try:
-        parts = order.parts(payloads)
-    except InputError:  # what looks like rows in damaged pages
-        payloads, parts = [], order.parts([])
+    parts = order.parts([], 0)
     if payloads:
-        header.append(Record(RecordKind.PAYLOADS, encode_payloads(payloads)))
+        body = encode_payloads(payloads)
+        # What looks like rows in damaged pages gives no parts.
+        with suppress(InputError):
+            parts = order.parts(payloads, most_parts(body))
+            header.append(Record(RecordKind.PAYLOADS, body))
     content_size = size // page * (page - LINK_BYTES)
     return Windows(checked, PageReader(file, page, parts, state), tuple(header), content_size)
