@@ -162,6 +162,7 @@ def test_whatever_is_in_messages_comes_back(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, name: str, window: int
 ) -> None:
     monkeypatch.setattr(recording, "_WINDOW", window)
+    monkeypatch.setattr(recording, "_LEAST_PLAIN", 1 << 30)
     data = odd_messages()[name]
     assert there_and_back(tmp_path, data).clouds >= 1
 
@@ -407,8 +408,21 @@ def test_a_message_of_an_mcap_file_without_compression_is_found(tmp_path: Path) 
     assert (account.clouds, account.opened, account.kept) == (3, 0, 0)
 
 
-def test_many_topics_of_one_layout_keep_their_streams(tmp_path: Path) -> None:
+def test_a_map_that_grows_is_no_larger_than_by_lzma(tmp_path: Path) -> None:
+    random = np.random.default_rng(1)
+    whole = np.zeros(6000, plain(1).dtype)
+    for axis in "xyz":
+        whole[axis] = random.normal(size=6000)
+    path = cloud_bag(tmp_path / "map.bag", {"/map": [whole[: 1000 * k] for k in range(1, 7)]})
+    account = there_and_back(tmp_path, path.read_bytes())
+    assert account.compressed <= 1.01 * len(lzma.compress(path.read_bytes()))
+
+
+def test_many_topics_of_one_layout_keep_their_streams(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """More topics than there are streams, in turn."""
+    monkeypatch.setattr(recording, "_LEAST_PLAIN", 1 << 30)
     clouds = {f"/points_{number}": [plain(20 + 60 * number)] * 2 for number in range(40)}
     path = cloud_bag(tmp_path / "a.bag", clouds)
     assert there_and_back(tmp_path, path.read_bytes()).clouds == 80
