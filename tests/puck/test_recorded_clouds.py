@@ -6,6 +6,7 @@ import bz2
 import io
 import lzma
 import sqlite3
+import struct
 from collections.abc import Iterator
 from contextlib import closing
 from pathlib import Path
@@ -299,6 +300,26 @@ def test_a_chunk_of_another_version_of_its_compressor_is_told(tmp_path: Path) ->
     with pytest.raises(InputError, match=r"b\.puck: .*lz4 0\.9"):
         decompress(tmp_path / "b.puck", tmp_path / "b.bag")
     assert not (tmp_path / "b.bag").exists()
+
+
+def test_a_version_of_a_compressor_is_a_number(tmp_path: Path) -> None:
+    """It is printed: no escapes of terminals."""
+    for version in ("\x1b]0;text\x07", "1" * 17, ""):
+        text = f"lz4 {version} 0 7".encode()
+        record = Record(RecordKind.CHUNKS, bytes([1, len(text)]) + text)
+        (tmp_path / "a.puck").write_bytes(join_records([record]))
+        with pytest.raises(InputError, match=r"a\.puck: the stream is damaged or truncated$"):
+            decompress(tmp_path / "a.puck", tmp_path / "out")
+
+
+def test_chunks_of_nothing_are_opened_only_while_they_are_few(tmp_path: Path) -> None:
+    packed = zstandard.compressed(bytes(65536), 3)
+    body = struct.pack("<QQQII4sQ", 0, 0, 65536, 0, 4, b"zstd", len(packed)) + packed
+    data = b"\x89MCAP0\r\n" + (struct.pack("<BQ", 6, len(body)) + body) * 400
+    account = there_and_back(tmp_path, data)
+    assert account.opened
+    assert account.kept
+    assert account.compressed < len(data)
 
 
 @pytest.mark.parametrize("suffix", FORMATS)

@@ -5,7 +5,10 @@ from __future__ import annotations
 import lzma
 import sqlite3
 import sys
+import zlib
+from collections.abc import Iterator
 from contextlib import closing
+from io import BytesIO
 from pathlib import Path
 
 import numpy as np
@@ -24,9 +27,11 @@ from puck import (
     records,
 )
 from puck.__main__ import main
-from puck.gaps import compress_bytes
+from puck.gaps import compress_bytes, encode_gaps
 from puck.recording import RecordingSummary
 from puck.recordings.packet_turns import find_packets, split_turns, turn_of
+from puck.records import Record, RecordKind, join_records, start
+from puck.sqlite_payloads import PageOrder, Payload, encode_payloads
 from tests.support.spinning import (
     DUAL,
     HDL32E,
@@ -338,8 +343,6 @@ def test_a_recording_of_too_many_bytes_is_refused_and_can_be_trusted(
 
 def test_links_of_pages_stand_once(tmp_path: Path) -> None:
     """Each record of a few bytes would unpack to 64 MiB."""
-    from puck.records import Record, RecordKind, join_records
-
     links = Record(RecordKind.PAGES, base_128(512) + compress_bytes(bytes(4)))
     (tmp_path / "links.puck").write_bytes(join_records([links, links]))
     with pytest.raises(InputError, match=r"links\.puck: the stream is damaged"):
@@ -355,3 +358,66 @@ def test_turns_of_a_stream_are_refused_before_they_are_decoded(
     assert len(decode_turns(small, 0, 1)) == 1
     with pytest.raises(InputError, match="ranges in"):
         decode_turns(small)
+
+
+def pages_bomb(payloads: list[Payload], pages: int, times: int = 1) -> list[Record]:
+    """Records that state rows of an SQLite file of pages of 512 bytes, and hold 30 bytes."""
+    links = base_128(512) + compress_bytes(bytes(4 * pages))
+    record = Record(RecordKind.PAYLOADS, encode_payloads(payloads))
+    gaps = Record(RecordKind.GAPS, base_128(0) + encode_gaps([b"a" * 30]))
+    return [Record(RecordKind.PAGES, links), *[record] * times, gaps]
+
+
+def end_of(data: bytes) -> Record:
+    body = len(data).to_bytes(8, "little") + zlib.crc32(data).to_bytes(4, "little")
+    return Record(RecordKind.END, body)
+
+
+def test_pages_that_do_not_come_are_not_made(tmp_path: Path) -> None:
+    """The first row begins on the last page, and no other page is written."""
+    for pages, fault in ((2000, "the stream is damaged"), (200_000, r"\d+ bytes in \d+ bytes")):
+        stated = pages_bomb([Payload(pages - 1, 100, 600, 0)], pages)
+        end = end_of(bytes((pages - 1) * 512 + 100) + b"a" * 30)
+        data = b"".join([start(), *(each.packed() for each in (*stated, end))])
+        (tmp_path / "a.puck").write_bytes(data)
+        with pytest.raises(InputError, match=fault):
+            decompress(tmp_path / "a.puck", tmp_path / "out")
+        out = BytesIO()
+        with pytest.raises(InputError, match="the stream is damaged"):
+            decompress(BytesIO(data), out)
+        assert not (tmp_path / "out").exists()
+
+
+def test_rows_of_pages_are_few_and_stand_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    payloads = [Payload(number, 100, 600, number + 1) for number in range(0, 1000, 2)]
+    many = join_records(pages_bomb(payloads, 1000))
+    with monkeypatch.context() as patches:
+        patches.setattr("puck.sqlite_payloads._FEW_PARTS", 400)
+        patches.setattr("puck.sqlite_payloads._PARTS_PER_BYTE", 0)
+        patches.setattr("puck.sqlite_payloads.PageOrder", None)
+        with pytest.raises(InputError, match="the stream is damaged"):
+            decompress(BytesIO(many), BytesIO())
+    twice = join_records(pages_bomb(payloads, 1000, times=2))
+    parts, made = PageOrder.parts, []
+    monkeypatch.setattr(PageOrder, "parts", lambda *given: made.append(1) or parts(*given))
+    with pytest.raises(InputError, match="the stream is damaged"):
+        decompress(BytesIO(twice), BytesIO())
+    assert len(made) == 1
+
+
+def test_pages_are_visited_a_few_times(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Every row's chain goes through all pages, of which the last leads out of the file."""
+    count, visits = 3000, []
+    links = np.roll(np.arange(count), -7) + 1
+    links[-1] = count + 1
+    order = PageOrder(512, links.astype(">u4").view(np.uint8).reshape(-1, 4))
+    chain = PageOrder._chain
+
+    def counted(self: PageOrder, payload: Payload) -> Iterator[object]:
+        for run in chain(self, payload):
+            visits.append(run)
+            yield run
+
+    monkeypatch.setattr(PageOrder, "_chain", counted)
+    order.usable([Payload(0, 100, count * 500, first) for first in range(count)])
+    assert count < len(visits) < 6 * count
