@@ -18,7 +18,7 @@ from puck.records import check
 
 __all__ = ["CloudDecoder", "CloudEncoder", "CloudField", "CloudLayout"]
 
-_RAW, _POINTS, _SAME, _TRANSPOSED = range(4)
+_RAW, _POINTS, _SAME = range(3)
 _QUICKLY, _SAMPLE, _CLOSE = 1, 1 << 16, 1.6
 """Level of Zstandard and bytes of a sample that tell whether LZMA may be better, and how near they
 then come to the coded columns."""
@@ -55,18 +55,11 @@ class CloudEncoder:
         self._before = data
         coded = self._points(data, shape_of(layout, len(data), width, height, row_step))
         if not coded or _quick_size(data) < _CLOSE * len(coded):
-            raw = self._raw(data)
+            raw = bytes([_RAW]) + compress_bytes(data)
             if not coded or len(raw) <= len(coded):
                 self._forget()
                 return raw
         return coded
-
-    def _raw(self, data: bytes) -> bytes:
-        """Return compressed bytes, either as they are or all points' first bytes first."""
-        turned = _transposed(data, self._layout.point_step)
-        if _all_quick(turned) < _all_quick(data):
-            return bytes([_TRANSPOSED]) + compress_bytes(turned)
-        return bytes([_RAW]) + compress_bytes(data)
 
     def _forget(self) -> None:
         """Let the next message not need earlier ones, whose rays are tried first nevertheless."""
@@ -125,10 +118,8 @@ class CloudDecoder:
         elif head & 15 == _POINTS:
             coder, data = self._decode_points(coder, body, admit)
         else:
-            check(head in (_RAW, _TRANSPOSED))
+            check(head == _RAW)
             coder, data = None, decompress_bytes(Reader(body[1:]), admit)
-            if head == _TRANSPOSED:
-                data = _transposed(data, self._layout.point_step, is_back=True)
         self._coder, self._before = coder, data
         return data
 
@@ -152,18 +143,6 @@ class CloudDecoder:
         points = coder.decode(reader, count, _width(shape))
         check(not reader.rest())
         return coder, data_of(points, rest, shape)
-
-
-def _transposed(data: bytes, step: int, is_back: bool = False) -> bytes:
-    """Return points with their bytes by the places in a point; `is_back` undoes this."""
-    count = len(data) // step if step else 0
-    end = count * step
-    shape = (step, count) if is_back else (count, step)
-    return np.frombuffer(data[:end], np.uint8).reshape(shape).T.tobytes() + data[end:]
-
-
-def _all_quick(data: bytes) -> int:
-    return len(compressed(data, _QUICKLY))
 
 
 def _quick_size(data: bytes) -> int:

@@ -202,7 +202,7 @@ def test_noise_and_repetitions_take_no_more_than_lzma() -> None:
         assert len(through(POINT, [cloud])[0]) <= xz_bytes([cloud]) + 64
 
 
-def test_many_columns_have_no_models(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_few_of_many_columns_have_models(monkeypatch: pytest.MonkeyPatch) -> None:
     kind = np.dtype([("x", "<f4"), ("d", "<f4", (40,))])
     random, layout = np.random.default_rng(3), CloudLayout((CloudField("d", 4, 7, 40),), 164, False)
     cloud = np.zeros(200, kind)
@@ -214,13 +214,13 @@ def test_many_columns_have_no_models(monkeypatch: pytest.MonkeyPatch) -> None:
         return encoder.encode(data, 200, 1, 200 * 164, is_key=True)
 
     plain = body()
+    assert plain[0] & 15 == 1
     assert CloudDecoder(layout).decode(plain, admit) == data
     assert len(plain) < len(lzma.compress(data, preset=9 | lzma.PRESET_EXTREME))
     with monkeypatch.context() as patched:
-        patched.setattr(coding, "_MOST_CODED", 40)
+        patched.setattr(coding, "_MOST_MODELLED", 40)
         patched.setattr(coding, "_MOST_MODELS", 3)  # models are dropped alike
         modelled = body()
-        assert modelled[0] & 15 == 1
         assert CloudDecoder(layout).decode(modelled, admit) == data
     with pytest.raises(InputError):
         CloudDecoder(layout).decode(modelled, admit)

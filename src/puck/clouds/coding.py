@@ -43,6 +43,7 @@ from puck.clouds.series import (
     new_series_model,
 )
 from puck.clouds.values import ValueColumn, ValueModel, blank_column, code_values, new_value_model
+from puck.gaps import compress_bytes, decompress_bytes
 from puck.options import Effort
 from puck.records import check
 from puck.turns import PartReader, Parts, PartWriter, with_coder
@@ -50,8 +51,9 @@ from puck.turns import PartReader, Parts, PartWriter, with_coder
 _FEWEST_POINTS = 64
 _MOST_VALUES = 1 << 25
 """Largest number of values in the columns that are not constant."""
-_MOST_CODED = 32
-"""Largest number of columns that are not constant."""
+_MODELLED = (Way.SERIES, Way.VALUES, Way.RANGE)
+_MOST_MODELLED = 32
+"""Largest number of columns with models of their own; others are stored as compressed bytes."""
 _MOST_MODELS = 40
 """Number of models that are kept, of up to 3 MB each."""
 _MOST_RANGE = 1 << 23
@@ -135,7 +137,7 @@ class PointCoder:
 
     @np.errstate(all="ignore")
     def encode(self, points: Bytes, width: int) -> bytes:
-        """Return bytes from which `decode` restores points, or no bytes if they have too much.
+        """Return bytes from which `decode` restores points, or no bytes if there are too many.
 
         Parameters
         ----------
@@ -147,7 +149,8 @@ class PointCoder:
         layout = self._layout
         values = [layout.values(points, column).astype(np.int64) for column in layout.columns]
         plan, aim = self._plan(values, width)
-        if not _is_small(plan, len(points)):
+        plan = replace(plan, columns=self._limited(plan.columns))
+        if _count_values(plan, len(points)) > _MOST_VALUES:
             return b""
         writer, head = PartWriter(), self._packed(plan)
         self._code(plan, values, width, writer, aim)
@@ -161,7 +164,8 @@ class PointCoder:
         """
         layout = self._layout
         plan = self._unpacked(Reader(reader.take(reader.number())))
-        check(_is_small(plan, count))
+        check(_count_values(plan, count) <= _MOST_VALUES)
+        check(sum(column.way in _MODELLED for column in plan.columns) <= _MOST_MODELLED)
         values = [
             np.broadcast_to(one.start, count)
             if one.way == Way.CONSTANT
@@ -190,6 +194,13 @@ class PointCoder:
                 one = ColumnPlan(Way.RAY) if is_axis else plan_ranges(numbers, there, aim.ranges)
             columns.append(one or plan_column(column, numbers, width))
         return replace(plan, columns=tuple(columns)), aim
+
+    def _limited(self, plans: tuple[ColumnPlan, ...]) -> tuple[ColumnPlan, ...]:
+        """Return plans in which few columns have models, first of all those with names."""
+        modelled = [k for k, one in enumerate(plans) if one.way in _MODELLED]
+        modelled.sort(key=lambda k: not self._layout.columns[k].name)
+        stored = set(modelled[_MOST_MODELLED:])
+        return tuple(ColumnPlan(Way.STORED) if k in stored else one for k, one in enumerate(plans))
 
     def _with_rays(
         self, plan: _Plan, xyz: list[Ints], rings: Ints, there: Indices
@@ -240,6 +251,7 @@ class PointCoder:
     ) -> None:
         """Code the columns `values`, which a decoder writes; `aim` is what an encoder knows."""
         count, state, axes = len(values[0]), self._state, self._axes
+        self._pass_stored(plan, values, parts)
         rings = np.zeros(count, np.int32)
         first = [] if axes is None else [axes.ring]
         for k in [*first, *(k for k in range(len(values)) if k not in first)]:
@@ -278,6 +290,32 @@ class PointCoder:
                 self._code_series(f"others {k}", rest, rings[others], 0, self._bits(k), parts)
                 values[k][others] = rest
         state.rings, state.rays = seen, plan.rays
+
+    def _pass_stored(self, plan: _Plan, values: list[Ints], parts: Parts) -> None:
+        """Pass columns as compressed bytes, the lowest bytes of all values of a column first."""
+        ways = [one.way for one in plan.columns]
+        if Way.STORED not in ways:
+            return
+        count = len(values[0])
+        columns = [
+            (numbers, column.size)
+            for way, numbers, column in zip(ways, values, self._layout.columns, strict=True)
+            if way == Way.STORED
+        ]
+        if isinstance(parts, PartWriter):
+            words = (
+                numbers.astype("<i8").view(np.uint8).reshape(count, 8)[:, :size]
+                for numbers, size in columns
+            )
+            parts.pass_bytes(compress_bytes(b"".join(each.T.tobytes() for each in words)))
+            return
+        most = count * sum(size for _, size in columns)
+        part = Reader(parts.pass_bytes(b""))
+        planes = Reader(decompress_bytes(part, lambda found: check(found == most)))
+        for numbers, size in columns:
+            bits = np.zeros((count, 8), np.uint8)
+            bits[:, :size] = np.frombuffer(planes.take(count * size), np.uint8).reshape(size, -1).T
+            numbers[:] = bits.view("<i8")[:, 0]
 
     def _bits(self, column: int) -> int:
         return 8 * self._layout.columns[column].size
@@ -432,9 +470,8 @@ def _axes(layout: CloudLayout) -> _Axes | None:
     return _Axes(x, y, z, rings[0]) if are_single and is_whole else None
 
 
-def _is_small(plan: _Plan, count: int) -> bool:
-    coded = sum(column.way != Way.CONSTANT for column in plan.columns)
-    return coded <= _MOST_CODED and count * coded <= _MOST_VALUES
+def _count_values(plan: _Plan, count: int) -> int:
+    return count * sum(column.way != Way.CONSTANT for column in plan.columns)
 
 
 def _missing(x: Ints, y: Ints, z: Ints) -> tuple[tuple[int, int, int], NDArray[np.bool_]]:

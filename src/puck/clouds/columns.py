@@ -31,9 +31,11 @@ _WORD = 1 << 64
 
 
 class Way(IntEnum):
-    """How a column is coded: one value, a series, noisy values, from rays, or from ranges."""
+    """How a column is coded: one value, a series, noisy values, from rays, from ranges, or as
+    compressed bytes.
+    """
 
-    CONSTANT, SERIES, VALUES, RAY, RANGE = range(5)
+    CONSTANT, SERIES, VALUES, RAY, RANGE, STORED = range(6)
 
 
 class ColumnPlan(NamedTuple):
