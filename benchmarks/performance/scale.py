@@ -147,7 +147,7 @@ def measure(inputs: Inputs) -> Iterator[Row]:
     with tempfile.TemporaryDirectory() as folder:
         for name, (file, write) in INPUTS.items():
             write(Path(folder, file), sizes)
-            words = ["--codecs", "draco", "--rates", *(["10mm"] if name == "recording" else ["r5"])]
+            words = ["--codecs", "draco", "--rates", *(["10mm"] if name == "recording" else ["r8"])]
             cost = run(Path(folder, file), Path(folder, f"out_{name}"), words)
             yield Row(f"run on {titles[name]}", cost.wall_s, "s")
             yield Row(f"run on {titles[name]}: all processes", cost.processor_s, "processor s")
