@@ -22,7 +22,7 @@ def _read(case: Case, path: Path) -> tuple[Any, Any]:
         table = read_recording(path, **case.options)
         return table.xyz, table.columns
     with decompressed(path) as recording:
-        returns, _, counts = read_turns(recording, **case.options, source=path)
+        returns, _, counts, _ = read_turns(recording, **case.options, source=path)
     return returns.points(), counts
 
 

@@ -27,6 +27,7 @@ from puckbench.figures.plot_styles import codec_style
 from puckbench.figures.registry import FIGURES, figure_entries, figure_entry
 from puckbench.figures.style import FigureStyle
 from puckbench.metrics.timing import unranked_codecs
+from puckbench.tables.odometry_differences import odometry_differences
 from tests.support.figures_lookalike import (
     CD_MEDIANS,
     SCALE,
@@ -81,6 +82,7 @@ def input_files(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
         "recovery": recovery_table(),
     }
     tables["drives"] = pd.read_parquet(REFERENCE_DRIVES)
+    tables["odometry_differences"] = odometry_differences(tables["drives"])
     for name, table in tables.items():
         files[name] = folder / f"{name}.parquet"
         table.to_parquet(files[name])

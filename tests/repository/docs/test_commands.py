@@ -25,6 +25,7 @@ from tests.puckbench.recordings.test_message_returns import turn
 from tests.puckbench.recordings.test_ouster import recorded
 from tests.support.bench import BOX
 from tests.support.cloud_bags import cloud_bag
+from tests.support.cloud_turns import turns
 from tests.support.pages import ROOT, blocks, commands, page, write_files
 from tests.support.spinning import pcap, spin
 
@@ -212,6 +213,7 @@ def test_a_recording_is_used(recordings: Callable[..., None]) -> None:
 
 def test_a_recording_is_stored(recordings: Callable[..., None]) -> None:
     recordings("room.pcap")
+    cloud_bag(Path("drive.mcap"), {"/points": turns(2)})
     _run(STORE)
     assert Path("again.pcap").read_bytes() == Path("room.pcap").read_bytes()
     for code in blocks(STORE, "python"):
