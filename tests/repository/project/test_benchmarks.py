@@ -35,7 +35,7 @@ STARTED: dict[str, tuple[str, ...]] = {
     ),
     "performance.gpcc": ("{tmc3}", "--repeats", "1", "--step", "8", "--modes", "angular"),
     "performance.default_run": ("results/clouds/objects/chair_02.ply",),
-    "performance.live_turns": ("write", "{folder}/live.puck", "--packets", "1000"),
+    "performance.live_turns": ("write", "{folder}/live.puck", "{capture}", "--packets", "1000"),
     "performance.measure": (
         *("--trial", "--results", "{folder}/measured.json", "--recordings", "{capture}"),
         *("--tmc3", "{tmc3}", "--pc-error", "{pc_error}"),
