@@ -13,6 +13,7 @@ from typing import Literal, NamedTuple
 
 from pointkit.errors import InputError
 from puck.cloud_data import CloudField, CloudLayout
+from puck.clouds.layout import SIZES
 
 LARGEST_CLOUD = 3 << 24
 """Maximum number of bytes of a cloud's data. Larger clouds are not found."""
@@ -22,8 +23,6 @@ _BLOCK = 1 << 16
 _FRAME = re.compile(rb"([!-~]*)\0*\Z")
 _NAME = re.compile(rb"[ -~]{0,64}")
 _MOST_FIELDS, _MOST_VALUES = 64, 4096
-_TYPE_BYTES = (0, 1, 1, 2, 2, 4, 4, 4, 8)
-"""Number of bytes of a value, by the code of its type in a message."""
 _SEARCHED_BYTES = 512
 """Number of bytes before the field x in which the list of fields may begin."""
 _LONGEST_POINT, _LONGEST_HEADER = 1 << 16, 1 << 13
@@ -122,14 +121,14 @@ class _Fields:
             raise InputError("no number of fields")
         fields = tuple(self._field() for _ in range(count))
         is_big_endian, point_step = self.byte(), self.word()
-        ends = (each.offset + _TYPE_BYTES[each.datatype] * each.count for each in fields)
+        ends = (each.offset + SIZES[each.datatype] * each.count for each in fields)
         if is_big_endian > 1 or not max(ends) <= point_step < _LONGEST_POINT:
             raise InputError("fields that are not in the points")
         return CloudLayout(fields, point_step, bool(is_big_endian))
 
     def _field(self) -> CloudField:
         name, offset, datatype, count = self.text(), self.word(), self.byte(), self.word()
-        if not 0 < datatype < len(_TYPE_BYTES) or offset > _LONGEST_POINT or count > _MOST_VALUES:
+        if datatype not in SIZES or offset > _LONGEST_POINT or count > _MOST_VALUES:
             raise InputError("no field")
         return CloudField(name.decode(), offset, datatype, count)
 
@@ -154,7 +153,10 @@ def find_clouds(data: bytes) -> Iterator[FoundCloud]:
 
 
 def _cloud_with_x(data: bytes, place: int, encoding: _Encoding) -> FoundCloud | None:
-    """Return the cloud whose field x is at `place`; x is mostly the first of its fields."""
+    """Return the cloud whose description of the field x begins at `place`, or None without one.
+
+    The list of fields begins there or, if x is not the first field, up to 512 bytes before.
+    """
     first = max(place - _SEARCHED_BYTES, 8)
     for fields in range(place - 4, first - 1, -encoding.alignment):
         try:

@@ -1,7 +1,8 @@
-"""Coding of the clouds of a recording: clouds of one topic continue with each other's models.
+"""Encoding and decoding of the clouds of a recording, topic by topic.
 
-A stream of clouds is what a topic sends: its clouds have the same fields and frame, and similar
-numbers of points. Each stream has an encoder of its own, and a number in the recording.
+The clouds of a topic form a stream: they have the same fields and frame, and similar numbers of
+points. Each stream has a number in the recording, and an encoder whose models adapt from cloud to
+cloud.
 """
 
 from __future__ import annotations
@@ -115,7 +116,10 @@ class CloudsDecoder:
         self._decoders[body[0]] = CloudDecoder(layout), layout.point_step
 
     def add_cloud(self, body: bytes) -> int:
-        """Decode the body of a CLOUD record, and return the number of points."""
+        """Decode the body of a CLOUD record for `take`, and return the number of points.
+
+        Raises InputError if the body is damaged, or if no stream has its number.
+        """
         check(len(body) > 1 and body[0] in self._decoders)
         decoder, point_step = self._decoders[body[0]]
         cloud = decoder.decode(body[1:], self._admit)

@@ -455,7 +455,9 @@ def _code_all_reflectivities(
 
 
 def _is_one_image(layout: Layout) -> bool:
-    """Return whether azimuths are on a fixed grid, as an Ouster's, and firings have one return."""
+    """Return whether a turn is one image: with one return of each firing, and azimuths that are
+    multiples of the sensor's step, as those of Ousters are.
+    """
     return layout.azimuth_steps != CENTIDEGREES and layout.kinds == 1
 
 

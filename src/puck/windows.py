@@ -185,14 +185,17 @@ def _windows_of_file(file: IO[bytes]) -> Windows:
     page = page_size(start, size)
     if not page:
         return _windows_of_stream(file, start, size)
-    checked, links, payloads, state = _Checked(file, start), [], [], state_of(file)
+    checked, parts_of_links, payloads, state = _Checked(file, start), [], [], state_of(file)
+    count = 0
     while content := read_up_to(checked, _PAGES_AT_ONCE * page):
         pages = np.frombuffer(content, np.uint8, len(content) // page * page).reshape(-1, page)
-        links.append(pages[:, :LINK_BYTES].copy())
-        payloads += find_payloads(pages, sum(map(len, links)) - len(pages))
-    order = PageOrder(page, np.concatenate(links))
+        parts_of_links.append(pages[:, :LINK_BYTES].copy())
+        payloads += find_payloads(pages, count)
+        count += len(pages)
+    links = np.concatenate(parts_of_links)
+    order = PageOrder(page, links)
     payloads = order.usable(payloads)
-    body = base_128(page) + compress_bytes(encode_links(np.concatenate(links)), are_headers=True)
+    body = base_128(page) + compress_bytes(encode_links(links), are_headers=True)
     header = [Record(RecordKind.PAGES, body)]
     parts = order.parts([], 0)
     if payloads:

@@ -28,7 +28,6 @@ from puck import (
 )
 from puck.__main__ import main
 from puck.gaps import compress_bytes, encode_gaps
-from puck.recording import RecordingSummary
 from puck.recordings.packet_turns import find_packets, split_turns, turn_of
 from puck.records import Record, RecordKind, join_records, start
 from puck.sqlite_payloads import PageOrder, Payload, encode_payloads
@@ -45,20 +44,9 @@ from tests.support.spinning import (
     rows,
     spin,
 )
+from tests.support.stored_recordings import there_and_back
 
 POSITION = b"$GPRMC,223123,A,3707.8178,N,12139.2690,W,000.0,182.4,160516,013.7,E,D*05\r\n"
-
-
-def there_and_back(
-    folder: Path, data: bytes, settings: CodingOptions | None = None
-) -> RecordingSummary:
-    """Compress and decompress bytes; what was in them."""
-    (folder / "recording").write_bytes(data)
-    account = compress(folder / "recording", folder / "small.puck", settings)
-    decompress(folder / "small.puck", folder / "back")
-    assert (folder / "back").read_bytes() == data
-    assert account.compressed == (folder / "small.puck").stat().st_size
-    return account
 
 
 def recorded() -> list[bytes]:

@@ -10,8 +10,7 @@ import pytest
 from numpy.typing import NDArray
 
 from pointkit.errors import InputError
-from puck import CodingOptions, compress, decode_turns, decompress, read_turns
-from puck.recording import RecordingSummary
+from puck import CodingOptions, decode_turns, decompress, read_turns
 from puck.recordings.packet_turns import split_turns, turn_of
 from puck.records import Record, RecordKind, join_records, read_records
 from tests.support.capture_bytes import ethernet, ipv4, ipv6, udp
@@ -27,18 +26,9 @@ from tests.support.spinning import (
     rows,
     spin,
 )
+from tests.support.stored_recordings import there_and_back
 
 FIRST, SECOND = "192.168.1.201", "192.168.1.202"
-
-
-def there_and_back(
-    folder: Path, data: bytes, options: CodingOptions | None = None
-) -> RecordingSummary:
-    (folder / "recording").write_bytes(data)
-    account = compress(folder / "recording", folder / "small.puck", options)
-    decompress(folder / "small.puck", folder / "back")
-    assert (folder / "back").read_bytes() == data
-    return account
 
 
 def swapped(packets: list[bytes]) -> list[bytes]:

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from pointkit.column_tables import ColumnSpecs, ColumnTable, TableSchema, read_column_table
 from pointkit.errors import InputError
 from pointkit.lidar.returns import HOUR_US, Returns
-from pointkit.lidar.turns import Turn, clock_steps
+from pointkit.lidar.turns import Turn, elapsed
 
 STRONGEST, LAST, BOTH = 0, 1, 2
 """Kinds of return; in dual return mode, BOTH is a return that is strongest and last."""
@@ -74,7 +74,7 @@ def return_table_of(returns: Returns, sequence_us: float = 0.0) -> ReturnTable:
     parts = [_rows(returns, turn, sequence_us) for turn in returns.turns]
     counts = [len(part["laser_id"]) for part in parts]
     columns = {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
-    packets = np.append(0.0, np.cumsum(clock_steps(columns["packet_us"], HOUR_US)))
+    packets = elapsed(columns["packet_us"], HOUR_US)
     columns["timestamp"] = (packets[: sum(counts)] + columns["delay_us"]) * 1e-6
     columns["turn"] = np.repeat(np.arange(len(parts)), counts)
     columns |= dict(zip("xyz", returns.points().T, strict=True))

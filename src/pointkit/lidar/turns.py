@@ -207,3 +207,19 @@ def clock_steps(times: Floats, hour: float) -> Floats:
     """
     steps: Floats = np.mod(np.diff(times) + hour / 2, hour) - hour / 2
     return steps
+
+
+def elapsed(times: Floats, hour: float) -> Floats:
+    """Return the time since the first of successive times of a clock that restarts periodically.
+
+    Parameters
+    ----------
+    times, hour
+        As for `clock_steps`.
+
+    Returns
+    -------
+    array
+        Elapsed times, (n,), in the unit of the times; the first is 0.
+    """
+    return np.append(0.0, np.cumsum(clock_steps(times, hour)))

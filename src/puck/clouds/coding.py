@@ -205,7 +205,24 @@ class PointCoder:
     def _with_rays(
         self, plan: _Plan, xyz: list[Ints], rings: Ints, there: Indices
     ) -> tuple[_Plan, _Aim | None]:
-        """Return the plan with rays and the points on them, if points are on rays."""
+        """Fit the rays of a spinning sensor to the points of a cloud.
+
+        Parameters
+        ----------
+        plan
+            The plan so far.
+        xyz, rings
+            Columns of the coordinates and of the rings, as sorted integers, (n,).
+        there
+            Indices of the points that are not missing, (m,).
+
+        Returns
+        -------
+        plan
+            The plan with the rays; an empty one if the points are on no rays.
+        aim
+            Azimuths and ranges of the points on the rays, or None.
+        """
         points = np.stack([singles(axis[there]) for axis in xyz], axis=1).astype(np.float64)
         rings = rings[there]
         is_good = len(there) and rings.min() >= 0 and rings.max() < RINGS

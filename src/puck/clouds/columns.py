@@ -1,4 +1,4 @@
-"""Columns of a cloud as integers, and the choice of how each is coded."""
+"""Choice of how each column of a cloud's values is coded, and conversion of values to integers."""
 
 from __future__ import annotations
 

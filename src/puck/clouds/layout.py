@@ -10,13 +10,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pointkit.coding.byte_io import Reader, base_128
+from puck.recordings.point_cloud2 import KINDS
 from puck.records import check
 
 Bytes = NDArray[np.uint8]
 Values = NDArray[np.unsignedinteger[Any]]
 
-SIZES = {1: 1, 2: 1, 3: 2, 4: 2, 5: 4, 6: 4, 7: 4, 8: 8}
-"""Bytes of a value by the codes of data types in the message."""
+SIZES = {code: np.dtype(kind).itemsize for code, kind in KINDS.items()}
+"""Number of bytes of a value, by the code of its data type in a message."""
 FLOAT32, FLOAT64 = 7, 8
 _SIGNED = (1, 3, 5)
 _MOST_FIELDS, _MOST_NAME, _MOST_COLUMNS = 1 << 12, 1 << 12, 1 << 12

@@ -18,7 +18,7 @@ _FARTHEST = 90
 
 
 class Rings(NamedTuple):
-    """The points of a cloud by rings.
+    """The points of a cloud, sorted by the ring (laser) that measured them.
 
     The points of ring g, in the order of coding, are ``order[starts[g] : starts[g + 1]]``; `turned`
     (n,) is how far the sensor had turned at each point since the first one, whose azimuth in the
@@ -32,14 +32,19 @@ class Rings(NamedTuple):
 
 
 def rings_of(rings: Words, azimuths: Ints, steps: int, count: int) -> Rings:
-    """Return the points of a cloud by rings.
+    """Sort the points of a cloud by the ring (laser) that measured them.
 
     Parameters
     ----------
     rings, azimuths
-        Ring and azimuth of each point, (n,).
+        Number of the ring, and azimuth in steps, of each point, (n,).
     steps, count
-        Numbers of azimuth steps in a revolution, and of rings.
+        Number of azimuth steps in a revolution, and number of rings.
+
+    Returns
+    -------
+    Rings
+        Order of the points, and how far the sensor had turned at each.
     """
     order = np.argsort(rings, kind="stable").astype(np.int32)
     starts = np.searchsorted(rings[order], np.arange(count + 1)).astype(np.int64)

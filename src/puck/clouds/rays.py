@@ -25,7 +25,9 @@ Group = NDArray[np.intp]
 Rows = NDArray[np.integer[Any]]
 
 _UNITS_M = (0.008, 0.005, 0.004, 0.002, 0.001)
-"""Units of range that are tried. Ranges that have none are coded in the last, and refined."""
+"""Units of which the ranges may be multiples, in the order in which they are tried. If ranges are
+multiples of none, they are rounded to the last one, and the differences of the coordinates restore
+the points."""
 _STEPS = (512, 1024, 1800, 2048, 3600, 4096, 7200, 18000, 36000)
 """Numbers of azimuth steps in a revolution that are tried; the last is the one if none fits."""
 _FEW_STEPS = 8192
@@ -98,7 +100,10 @@ class Rays:
         return np.array(self.phase, "<f8").tobytes()
 
     def with_phase(self, reader: Reader) -> Self:
-        """Return these rays with the phase that is read; raise InputError if it is damaged."""
+        """Return a copy of these rays with another azimuth of step 0, which `packed_phase` wrote.
+
+        Raises InputError if the bytes are damaged.
+        """
         phase = float(np.frombuffer(reader.take(8), "<f8")[0])
         check(abs(phase) < 1e6)
         return replace(self, phase=phase)
@@ -130,7 +135,20 @@ class Rays:
         return np.asarray((values - first) / np.where(more == 0, 1.0, more))
 
     def from_level(self, rings: Rows, x: Singles, y: Singles) -> Floats:
-        """Return ranges (n,) in units from the distances (n,) of points to the axis."""
+        """Compute ranges from the horizontal distances of points to the sensor's axis.
+
+        Parameters
+        ----------
+        rings
+            Number of the ring of each point, (n,).
+        x, y
+            Coordinates of the points, (n,), in m.
+
+        Returns
+        -------
+        array
+            Ranges, (n,), in units; they are not rounded.
+        """
         wide, long = x.astype(np.float64), y.astype(np.float64)
         along, side, more = self._straight()
         square = wide * wide + long * long - (side * side)[rings]

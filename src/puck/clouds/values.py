@@ -69,7 +69,7 @@ def new_value_model(bits: BitCoder, effort: Effort) -> ValueModel:
 
 
 def blank_column(count: int) -> ValueColumn:
-    """Return a column of `count` values that are not known yet."""
+    """Return a column for `count` values that will be decoded; all of its numbers are 0."""
     return ValueColumn(*np.zeros((2, count + 1), np.int32))
 
 

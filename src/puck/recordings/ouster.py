@@ -298,14 +298,19 @@ def read_sensor(path: Path) -> OusterSensor:
 
 
 def sensor_of(metadata: bytes, name: str) -> OusterSensor:
-    """Parse an Ouster sensor's metadata.
+    """Return the sensor that the metadata of an Ouster describe.
 
     Parameters
     ----------
     metadata
-        The bytes of a JSON document.
+        The bytes of the JSON document that the sensor's maker calls metadata.
     name
         Name of the document for error messages.
+
+    Returns
+    -------
+    OusterSensor
+        Angles and offsets of the beams, and the format of the packets.
 
     Raises
     ------
@@ -417,7 +422,12 @@ def ouster_turns(sensor: OusterSensor, payloads: NDArray[np.uint8]) -> OusterTur
     OusterTurns
         The revolutions, and the indices of the complete ones.
     """
-    profile, parts = PROFILES[sensor.profile], columns_of_turns(sensor, payloads)
+    return decoded_turns(sensor, columns_of_turns(sensor, payloads))
+
+
+def decoded_turns(sensor: OusterSensor, parts: Sequence[NDArray[Any]]) -> OusterTurns:
+    """Decode the columns of each revolution, which `columns_of_turns` returns."""
+    profile = PROFILES[sensor.profile]
     turns = tuple(turn_of_columns(profile, part, sensor.columns) for part in parts)
     whole = range(0)
     if parts:

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from pointkit.errors import InputError
 from pointkit.lidar.return_table import FURTHER_COLUMNS, ReturnTable, return_table_of
-from puck.recordings.ouster import PROFILES, OusterSensor, columns_of_turns, ouster_turns
+from puck.recordings.ouster import PROFILES, OusterSensor, columns_of_turns, decoded_turns
 
 
 def ouster_table(sensor: OusterSensor, payloads: NDArray[np.uint8]) -> ReturnTable:
@@ -34,13 +34,14 @@ def ouster_table(sensor: OusterSensor, payloads: NDArray[np.uint8]) -> ReturnTab
     InputError
         No column of the packets contains data.
     """
-    returns = ouster_turns(sensor, payloads).returns
+    columns_of = columns_of_turns(sensor, payloads)
+    returns = decoded_turns(sensor, columns_of).returns
     if not returns.turns:
         raise InputError("no column with data in the recording")
     table = return_table_of(returns)
     profile = PROFILES[sensor.profile]
     parts: dict[str, list[NDArray[Any]]] = {}
-    for columns, turn in zip(columns_of_turns(sensor, payloads), returns.turns, strict=True):
+    for columns, turn in zip(columns_of, returns.turns, strict=True):
         at, lasers, kinds = returns.indices(turn)
         parts.setdefault("column", []).append(columns["column"][at])
         parts.setdefault("clock_time", []).append(columns["time"][at])

@@ -31,7 +31,8 @@ from puck.recordings.packets import PACKET, PacketLog
 _LEAP_US = 5e5
 """Smallest step of a clock, in us, that is a leap. Later packets are not sorted."""
 _MOST_PLACES = 1 << 13
-"""Maximum number of places by which a packet is moved. No sensor sends more packets in 0.5 s."""
+"""Maximum number of places by which sorting may move a packet. This is more packets than a sensor
+sends in 0.5 s, which is the longest delay that is sorted."""
 _FEWEST_STEPS = 15
 """Least number of steps between packets from which the usual step is estimated."""
 _MOST_USUAL, _MOST_OFF = 1.5, 0.5

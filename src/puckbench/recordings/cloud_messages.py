@@ -27,8 +27,9 @@ from puck.recordings.topics import Topic, choose_topic
 
 CLOUD_KINDS = (POINT_CLOUD2, COMPRESSED_POINT_CLOUD2)
 _SMALLEST_M, _LARGEST_M, _MOSTLY = 1e-6, 1e8, 0.9
-"""Usual magnitudes of coordinates, and the share that has them if bytes are in the right order.
-A sixth of the others has them by chance."""
+"""Smallest and largest usual magnitude of coordinates, in m, and the least share of coordinates
+that have such magnitudes if their bytes are read in the right order. In the wrong order, about a
+sixth has them by chance."""
 _log = logging.getLogger(__name__)
 
 

@@ -20,6 +20,7 @@ from pointkit.column_tables import is_table_of
 from pointkit.errors import InputError
 from pointkit.lidar.return_table import UNKNOWN, ReturnTable, read_return_table, return_table_of
 from pointkit.lidar.returns import Returns
+from puckbench.recordings.decoded_clouds import check_finite
 from puckbench.recordings.writing import write_pcap
 from virtual_lidar.scan_table import ScanTable, read_scan
 
@@ -204,8 +205,8 @@ def export_points(path: Path, columns: Columns, tell: Tell = warn) -> dict[str, 
         The suffix is another one, there are no points, or a coordinate is not finite.
     """
     suffix = checked_suffix(path, len(columns["x"]))
-    if odd := int((~np.isfinite([columns[axis] for axis in "xyz"])).any(axis=0).sum()):
-        raise InputError(f"{path}: {odd:,} points have coordinates that are not finite")
+    for axis in "xyz":
+        check_finite(f"{path}: {axis}", columns[axis])
     if suffix not in _POINTS:
         raise InputError(f"{path}: a recording has no true coordinates and no scan's columns")
     _POINTS[suffix](path, columns, tell)

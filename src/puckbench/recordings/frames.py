@@ -19,7 +19,7 @@ from pointkit.files import folder_written_whole
 from pointkit.geometry.cloud import Floats
 from pointkit.lidar.return_table import UNKNOWN, ReturnTable
 from pointkit.lidar.returns import HOUR_US, Returns
-from pointkit.lidar.turns import clock_steps
+from pointkit.lidar.turns import clock_steps, elapsed
 from pointkit.terminal import Progress
 from puckbench.recordings.export import (
     Columns,
@@ -133,7 +133,7 @@ def frames_of_returns(returns: Returns, numbers: range) -> Iterator[Frame]:
 
 def _begins_us(returns: Returns) -> Floats:
     clock = [0 if turn.times is None else int(turn.times[0]) for turn in returns.turns]
-    return np.append(0.0, np.cumsum(clock_steps(np.array(clock, np.float64), HOUR_US)))
+    return elapsed(np.array(clock, np.float64), HOUR_US)
 
 
 def _first_return_us(returns: Returns) -> float:

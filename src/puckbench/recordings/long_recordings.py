@@ -8,7 +8,7 @@ import numpy as np
 
 from pointkit.errors import InputError, naming
 from pointkit.lidar.returns import HOUR_US
-from pointkit.lidar.turns import clock_steps
+from pointkit.lidar.turns import elapsed
 from puck.recordings.data_packets import whole_packets
 from puck.recordings.ouster import sensor_of
 from puck.recordings.ouster_logs import ouster_log
@@ -94,6 +94,6 @@ def _log(index: TurnIndex, payloads: Payloads) -> PacketLog | None:
     if index.kind.product == HDL64E:
         return None
     clock_us = payloads.view(PACKET)["time_us"][:, 0].astype(np.float64)
-    elapsed_s = np.append(0, np.cumsum(clock_steps(clock_us, HOUR_US))) * 1e-6
+    elapsed_s = elapsed(clock_us, HOUR_US) * 1e-6
     log = whole_packets([row.tobytes() for row in payloads], elapsed_s.tolist(), {})
     return None if log.about else log

@@ -118,10 +118,7 @@ def read_message_columns(
     first, last = turns
     label = f"{path}: topic {name}"
     with naming(label):
-        if not count:
-            raise InputError("has no messages")
-        if not 0 <= first <= last < count:
-            raise InputError(f"has messages 0 to {count - 1}, not {first} to {last}")
+        _check_numbers(first, last, count)
         apart_s = _time_between(path, name, last, count) if first == last else None
         columns, _ = _read(path, name, range(first, last + 1), time_unit, label, apart_s)
     return _named(columns, columns["timestamp"] if columns["timed"].all() else None)
@@ -161,10 +158,7 @@ def iterate_messages(
     first, last = turns or (0, count - 1)
     label = f"{path}: topic {name}"
     with naming(label):
-        if not count:
-            raise InputError("has no messages")
-        if not 0 <= first <= last < count:
-            raise InputError(f"has messages 0 to {count - 1}, not {first} to {last}")
+        _check_numbers(first, last, count)
         before, begin_s, missing = list[MessagePoints](), 0.0, 0
         for start in range(first, last + 1, _BATCH):
             found = list(_messages(path, name, range(start, min(start + _BATCH, last + 1))))
@@ -181,6 +175,13 @@ def iterate_messages(
                 yield begin_s, _named(message.columns, since)
             before = full[-1:]
     tell_missing(label, missing)
+
+
+def _check_numbers(first: int, last: int, count: int) -> None:
+    if not count:
+        raise InputError("has no messages")
+    if not 0 <= first <= last < count:
+        raise InputError(f"has messages 0 to {count - 1}, not {first} to {last}")
 
 
 def _named(columns: Mapping[str, NDArray[Any]], seconds: Floats | None) -> Columns:

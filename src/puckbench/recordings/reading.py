@@ -15,7 +15,7 @@ from pointkit.lidar.returns import HOUR_US, Returns
 from pointkit.lidar.sensor import Sensor
 from pointkit.lidar.sensors import load_sensor
 from pointkit.lidar.times import TimeUnit
-from pointkit.lidar.turns import clock_steps
+from pointkit.lidar.turns import elapsed
 from pointkit.lidar.unit_calibration import calibration_beside, calibration_in_packets, is_s3
 from puck.recordings.captured_packets import is_packet_capture
 from puck.recordings.data_packets import (
@@ -144,7 +144,7 @@ class RecordedTurns(NamedTuple):
             return None
         clocks = [each.times for each in self.returns.turns[: turn + 1]]
         begun_us = np.array([float(clock[0]) for clock in clocks if clock is not None])
-        return self.begun_s + float(clock_steps(begun_us, HOUR_US).sum()) * 1e-6
+        return self.begun_s + float(elapsed(begun_us, HOUR_US)[-1]) * 1e-6
 
 
 def read_turns(

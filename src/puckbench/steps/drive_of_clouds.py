@@ -10,7 +10,7 @@ from pydantic import Field
 from cloud_files.poses import files_of_poses
 from pointkit.errors import InputError
 from pointkit.lidar.returns import HOUR_US
-from pointkit.lidar.turns import clock_steps
+from pointkit.lidar.turns import elapsed
 from puckbench.core.code import MESH_FILES, SENSOR
 from puckbench.recordings.drive_poses import extended, poses_of_file
 from puckbench.recordings.drives import UNDECODED_POSES, Drive, check_times, turn_of, write_drive
@@ -146,7 +146,7 @@ def _timed_turns(scenes: Sequence[Scene]) -> TimedClouds:
     times = [scene.time_s for scene in scenes if scene.time_s is not None]
     begun_us = [float(clock[0]) for clock in clocks if clock is not None]
     if len(begun_us) == len(scenes):
-        since_first = np.append(0.0, clock_steps(np.array(begun_us), HOUR_US)).cumsum() * 1e-6
+        since_first = elapsed(np.array(begun_us), HOUR_US) * 1e-6
         turn_s = float(np.median(np.diff(since_first)))
         return TimedClouds(tuple(turns), (times or [0.0])[0] + since_first, turn_s)
     stamps_s = np.array(times if len(times) == len(scenes) else _TURN_S * np.arange(len(scenes)))

@@ -21,30 +21,18 @@ from puck import CodingOptions, compress, decode_turns, decompress, recording, r
 from puck.__main__ import main
 from puck.chunks import Packer
 from puck.cloud_messages import find_clouds
-from puck.recording import RecordingSummary
 from puck.recordings.point_cloud2 import POINT_CLOUD2
 from puck.records import Record, RecordKind, join_records, read_records
 from tests.support.bag_files import mcap_bytes, ros1_bytes, sqlite_bag
 from tests.support.cloud_bags import FORMATS, Rows, cloud_bag, cloud_message
 from tests.support.cloud_turns import turns
 from tests.support.spinning import pcap, rows, spin
+from tests.support.stored_recordings import there_and_back
 
 COMPRESSIONS = [
     ("bag", None), ("bag", "BZ2"), ("bag", "LZ4"), ("db3", None),
     ("mcap", None), ("mcap", "STORAGE"),
 ]  # fmt: skip
-
-
-def there_and_back(
-    folder: Path, data: bytes, settings: CodingOptions | None = None
-) -> RecordingSummary:
-    (folder / "recording").write_bytes(data)
-    account = compress(folder / "recording", folder / "small.puck", settings)
-    restored = decompress(folder / "small.puck", folder / "back")
-    assert (folder / "back").read_bytes() == data
-    assert account.compressed == (folder / "small.puck").stat().st_size
-    assert (account.clouds, account.points) == (restored.clouds, restored.points)
-    return account
 
 
 def plain(points: int, seed: int = 0) -> Rows:
