@@ -30,8 +30,8 @@ Result = TypeVar("Result")
 
 # Calls that wait for a thread or for the error model: so few take little memory.
 _CALLS_AHEAD = 2
-# Rays that are cast at a time: enough for the ray caster's threads, few enough to stay in cache.
-_RAYS_AT_A_TIME = 1 << 16
+# Rays that are cast at a time: enough for the fixed costs of a block (2 ms), few enough for memory.
+_RAYS_AT_A_TIME = 1 << 18
 # Rows of a portion of a streamed scan, and thus of a row group of its file: some 140 MB.
 _RAYS_IN_A_PORTION = 1 << 20
 
