@@ -32,6 +32,11 @@ _AXES = ("x", "y", "z")
 _COLOURS = ("red", "green", "blue")
 _MOST_LETTERS = 32
 """Length limit of the names of extra bytes."""
+_OF_LAS_1_4 = range(6, 11)
+"""Point formats of LAS 1.4."""
+_NARROW = {"classification": (5, 8), "return_number": (3, 4), "number_of_returns": (3, 4)}
+"""Bits of dimensions in point formats 0 to 5, and in those of LAS 1.4."""
+_MOST_WHOLE = 1 << 53
 _COLUMN_NAMES = {
     "intensity": "reflectivity",
     "user_data": "laser_id",
@@ -59,7 +64,9 @@ def write_las(
         columns are not written.
     others
         Further columns, (n,), of numbers. Those that have the name of a dimension of LAS, and fit
-        in it, are written as this dimension, and all others as extra bytes.
+        in it, are written as this dimension, and all others as extra bytes. Classes above 31 and
+        numbers of returns above 7 need LAS 1.4 (point format 6 or 7), which is written for them;
+        otherwise the file is LAS 1.2 (point format 1 or 3).
 
     Raises
     ------
@@ -67,8 +74,9 @@ def write_las(
         The points lie more than 214 km apart, or `path` is the name of a COPC file.
     """
     refuse_copc(path)
-    las = _las_data(columns)
-    for name, values in (others or {}).items():
+    others = others or {}
+    las = _las_data(columns, any(_is_wide(others, *each) for each in _NARROW.items()))
+    for name, values in others.items():
         _add_dimension(las, name, values)
     write_bytes(path, las_bytes(las, Path(path).suffix.lower() == ".laz"))
 
@@ -79,13 +87,19 @@ def refuse_copc(path: str | Path) -> None:
         raise InputError(f"{path}: COPC files are not written: name it .laz")
 
 
+def _is_wide(columns: Mapping[str, NDArray[Any]], name: str, bits: tuple[int, int]) -> bool:
+    """Return whether the numbers of a column fit only in the second of two numbers of bits."""
+    largest = columns[name].max(initial=0) if name in columns else 0
+    return bool(1 << bits[0] <= largest < 1 << bits[1])
+
+
 def _add_dimension(las: Any, name: str, values: NDArray[Any]) -> None:
     import laspy
 
     if name in las.point_format.dimension_names:
         blank = np.array(las[name])
-        with suppress(OverflowError):
-            las[name] = values
+        with suppress(OverflowError, TypeError):
+            las[name] = _as_integers(values)
         if np.array_equal(las[name], values):
             return
         las[name] = blank
@@ -93,6 +107,12 @@ def _add_dimension(las: Any, name: str, values: NDArray[Any]) -> None:
     kind = np.uint8 if values.dtype.kind == "b" else values.dtype.newbyteorder("=")
     las.add_extra_dim(laspy.ExtraBytesParams(name[:_MOST_LETTERS], kind))
     las[name[:_MOST_LETTERS]] = values
+
+
+def _as_integers(values: NDArray[Any]) -> NDArray[Any]:
+    """Return numbers as integers if all of them are whole, since bits take no other numbers."""
+    is_whole = values.dtype.kind == "f" and (np.abs(values) < _MOST_WHOLE).all()
+    return values.astype(np.int64) if is_whole and (values == np.floor(values)).all() else values
 
 
 def wide_colours_of(colours: NDArray[Any]) -> NDArray[np.uint16]:
@@ -234,7 +254,7 @@ def _coordinates(points: Any, metres: tuple[float, ...] | None) -> dict[str, NDA
 
 
 def las_points(steps: NDArray[Any], step: float, offset: Any, point_format: int) -> Any:
-    """Create laspy's `LasData` (LAS 1.2) with points on a grid; all their attributes are 0.
+    """Create laspy's `LasData` with points on a grid; all their attributes are 0.
 
     Parameters
     ----------
@@ -245,7 +265,8 @@ def las_points(steps: NDArray[Any], step: float, offset: Any, point_format: int)
     offset
         Position of the grid's origin, (3,), m.
     point_format
-        Number of the LAS point format, which says which attributes a point has.
+        Number of the LAS point format, which says which attributes a point has. The file is LAS 1.4
+        for formats from 6 on, which demand it, and else LAS 1.2.
 
     Returns
     -------
@@ -254,7 +275,9 @@ def las_points(steps: NDArray[Any], step: float, offset: Any, point_format: int)
     """
     import laspy
 
-    header = laspy.LasHeader(point_format=point_format, version="1.2")
+    version = "1.4" if point_format in _OF_LAS_1_4 else "1.2"
+    header = laspy.LasHeader(point_format=point_format, version=version)
+    header.global_encoding.wkt = point_format in _OF_LAS_1_4
     header.scales, header.offsets = np.full(3, step), offset
     header.creation_date = _DATE
     las = laspy.LasData(header, laspy.ScaleAwarePointRecord.zeros(len(steps), header=header))
@@ -262,14 +285,17 @@ def las_points(steps: NDArray[Any], step: float, offset: Any, point_format: int)
     return las
 
 
-def _las_data(columns: Mapping[str, NDArray[Any]]) -> Any:
+def _las_data(columns: Mapping[str, NDArray[Any]], is_wide: bool) -> Any:
     xyz = np.column_stack([columns[axis] for axis in "xyz"]).astype(np.float64)
     offset = np.floor(xyz.min(axis=0))
     counts = np.rint((xyz - offset) / _STEP_M)
     if counts.max() > np.iinfo(np.int32).max:
         raise InputError("the points lie too far apart for LAS (more than 214 km)")
     has_colours = all(name in columns for name in _COLOURS)
-    las = las_points(counts, _STEP_M, offset, point_format=3 if has_colours else 1)
+    point_format = {(False, False): 1, (True, False): 3, (False, True): 6, (True, True): 7}[
+        has_colours, is_wide
+    ]
+    las = las_points(counts, _STEP_M, offset, point_format)
     las.header.system_identifier = "EXPORT"
     las.header.generating_software = f"puckbench {version('cloud_files')}"
     las.return_number[:] = las.number_of_returns[:] = 1

@@ -90,3 +90,8 @@ def closest(name: str, names: list[str]) -> str:
     """Return ``; did you mean 'x'?`` if one of `names` is similar to `name`, else ``""``."""
     near = get_close_matches(name, names, n=1)
     return f"; did you mean '{near[0]}'?" if near else ""
+
+
+def counted(count: int, noun: str) -> str:
+    """Return a number and a noun as text, such as ``1 frame`` or ``2 frames``."""
+    return f"{count:,} {noun}" if count == 1 else f"{count:,} {noun}s"

@@ -32,6 +32,9 @@ from puck.windows import windows_of
 
 _MOST_BYTES = 1 << 25
 """Maximum number of bytes of a turn's packets."""
+_MOST_START, _FIRST_GAPS = 1 << 18, 8
+"""Maximum number of bytes at the start of a capture that are read for its first packets, and number
+of gaps between these packets."""
 _START_BYTES = 24
 """Number of bytes at the start of a file that identify a packet capture."""
 _MOST_OFF = 0.1
@@ -66,6 +69,13 @@ class TurnIndex(ABC):
         """Read the packets (p, bytes) of each turn from `first` to `end` - 1, counted from 0.
 
         Turns beyond the recording are left out. InputError is raised if the file is damaged.
+        """
+
+    @abstractmethod
+    def start(self) -> bytes:
+        """Return the first bytes of the capture, with the first packets and their headers.
+
+        The result is empty if other content of the capture comes before the packets.
         """
 
 
@@ -105,6 +115,10 @@ class _RecordingIndex(TurnIndex):
     @property
     def count(self) -> int:
         return len(self.spans)
+
+    def start(self) -> bytes:
+        with open_file(self.path) as file:
+            return file.read(_MOST_START) if self.spans[0].start < _MOST_START // 2 else b""
 
     def packets(self, first: int, end: int) -> list[Payloads]:
         turns = []
@@ -152,10 +166,16 @@ class _StreamIndex(TurnIndex):
     places: Sequence[RecordPlace]
     starts: Sequence[int]
     """Index of each turn's record in `places`."""
+    gaps: Sequence[bytes]
+    """Bytes before and between the first packets, if these are in one piece."""
 
     @property
     def count(self) -> int:
         return len(self.starts)
+
+    def start(self) -> bytes:
+        packets = (packet.tobytes() for turn in self.packets(0, 1) for packet in turn)
+        return b"".join(part for both in zip(self.gaps, packets, strict=False) for part in both)
 
     def packets(self, first: int, end: int) -> list[Payloads]:
         end = min(end, self.count)
@@ -189,11 +209,13 @@ def _index_of_stream(path: Path) -> TurnIndex | None:
         starts = [k for k, place in enumerate(places) if place.kind == RecordKind.TURN]
         if len(layouts) != 1 or not _are_alike([_count_blocks(places[k].start) for k in starts]):
             return None
-        if not _is_capture(file, places):
+        gaps = _first_gaps(file, places)
+        if not is_packet_capture(gaps[0][:_START_BYTES]):
             return None
         layout = read_record(file, layouts[0].at).body
         metadata = _metadata(file, places) or described_sensors(path)[1]
-        return _StreamIndex(path, decode_kind(layout), metadata, layout, places, starts)
+        gaps = gaps if _is_first(places, RecordKind.TURN, RecordKind.GAPS) else gaps[:0]
+        return _StreamIndex(path, decode_kind(layout), metadata, layout, places, starts, gaps)
 
 
 def _metadata(file: IO[bytes], places: list[RecordPlace]) -> bytes:
@@ -203,15 +225,23 @@ def _metadata(file: IO[bytes], places: list[RecordPlace]) -> bytes:
     return decompress_bytes(Reader(read_record(file, place.at).body), lambda size: None)
 
 
-def _is_capture(file: IO[bytes], places: list[RecordPlace]) -> bool:
-    """Return whether the compressed file is a packet capture, whose start is the first gap."""
+def _first_gaps(file: IO[bytes], places: list[RecordPlace]) -> list[bytes]:
+    """Return the first bytes of a compressed file that are in no packet, before and between them.
+
+    The first is empty if the file has no such bytes, or has pages of SQLite.
+    """
     gaps = next((place for place in places if place.kind == RecordKind.GAPS), None)
     if gaps is None or any(place.kind == RecordKind.PAGES for place in places):
-        return False
+        return [b""]
     reader = Reader(read_record(file, gaps.at).body)
     pieces = reader.number()
-    start = decode_gaps(reader, pieces + 1, lambda size: None)[0]
-    return is_packet_capture(start[:_START_BYTES])
+    return decode_gaps(reader, pieces + 1, lambda size: None)[:_FIRST_GAPS]
+
+
+def _is_first(places: list[RecordPlace], kind: RecordKind, other: RecordKind) -> bool:
+    """Return whether the first record of a kind precedes the first one of another kind."""
+    kinds = [place.kind for place in places]
+    return kind in kinds and other in kinds and kinds.index(kind) < kinds.index(other)
 
 
 def _are_alike(lengths: list[int]) -> bool:

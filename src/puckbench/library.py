@@ -114,7 +114,7 @@ def turns(
         if cloud_messages.has_clouds(readable, topic):
             name, (_, count) = cloud_messages.cloud_topic(readable, topic)
             for number in range(count):
-                yield cloud_messages.read_recorded_cloud(readable, number, name)
+                yield cloud_messages.read_recorded_cloud(readable, number, name, source=path)
             return
         recorded = read_turns(readable, stream=stream, source=path, topic=topic)
     for number in recorded.whole:

@@ -21,10 +21,11 @@ from puckbench.tables.registry import table_entries
 _TABLE_FOLDERS = {"tables", "first_look", "metrics", "recovery"}
 _LEFT_OUT = re.compile(
     r"^(logs/.*|report\.html|tables/.*\.tex|\.lock|\.digests\.json|reference\.parquet"
-    r"|(figures|first_look)/(fig_6_[589]|medians_per_rate|encoding_time|decoding_time)\.\w+)$"
+    r"|(figures|first_look)/(fig_6_[589]|medians_per_rate|encoding_time|decoding_time)\.\w+"
+    r"|(.*/)?\.snakemake_timestamp)$"
 )
-"""Files with times: logs, report, reference results and three figures (with two names each); and
-LaTeX tables, whose values are those of the CSV files."""
+"""Files with times: logs, report, reference results and three figures (with two names each); LaTeX
+tables, whose values are those of the CSV files; and the files in which Snakemake notes times."""
 
 
 def differences(folder: Path, reference: Path, finished: bool = True) -> list[str]:

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pointkit.errors import InputError
+from pointkit.errors import InputError, counted
 from puck.recordings.ouster import is_size_of_packets, sensor_beside
 from puck.recordings.ouster_logs import ouster_log
 from puck.recordings.packet_turns import SENSORS, is_whole, kind_codes
@@ -196,8 +196,7 @@ def _select_stream(
     described = []
     for stream in list(streams)[:_MOST_LISTED]:
         some = [packet for packet in packets if packet.stream == stream]
-        plural = "s" * (len(some) != 1)
-        described.append(f"{stream}, {len(some):,} packet{plural} of {sensor(some)}")
+        described.append(f"{stream}, {counted(len(some), 'packet')} of {sensor(some)}")
     listed = "; ".join(described)
     more = "; ..." if len(streams) > _MOST_LISTED else ""
     fault = "" if name is None else f", {len(matches) or 'none'} of them '{name}'"

@@ -7,6 +7,9 @@ from typing import Any
 
 TOPIC = "which topic of a ROS bag"
 STREAM = "which sensor of a packet capture: sender:port, or 'sender:port to receiver:port'"
+_INTERVAL = (
+    "{} time, in s after the recording's first packet, from which times in the table count, too"
+)
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
@@ -17,8 +20,8 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     add("--stream", help=STREAM)
     add("--topic", help=TOPIC)
     add_time_unit(parser)
-    add("--start", type=float, default=0.0, help="first time, in s after the first packet")
-    add("--end", type=float, default=math.inf, help="last time, in s after the first packet")
+    add("--start", type=float, default=0.0, help=_INTERVAL.format("first"))
+    add("--end", type=float, default=math.inf, help=_INTERVAL.format("last"))
 
 
 def add_time_unit(parser: argparse.ArgumentParser) -> None:

@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from cloud_files.clouds import wide_colours, write_cloud
-from cloud_files.content import plain_suffix
+from cloud_files.clouds import SUFFIXES, wide_colours, write_cloud
+from cloud_files.content import COMPRESSED, plain_suffix
 from cloud_files.las import refuse_copc, wide_colours_of
 from cloud_files.las_rewriting import rewrite_las
 from cloud_files.meshes import write_mesh
@@ -62,7 +62,7 @@ def run(options: argparse.Namespace) -> dict[str, Any]:
         return _mesh(options)
     stream, out, timing = options.stream, options.out, timing_of(options)
     prepared, original = read_models(tuple(options.like))
-    refuse_copc(out)
+    _check_format(out)
     with naming(stream):
         coded = read_coded(stream, options.rate)
         codec = decoder_of(options, coded)
@@ -82,10 +82,18 @@ def run(options: argparse.Namespace) -> dict[str, Any]:
         rewrite_las(out, original.path, cloud.xyz, match.rows, original.factor, replaced)
     else:
         _write(out, _with_attributes(cloud, original, match.rows))
-    lost = {"attributes_lost": match.unused, "attributes_0": match.unmatched}
+    lost = {"attributes_lost": match.unused, "attributes_unknown": match.unmatched}
     if any(lost.values()):
         _log.warning("%s: %s", out, _loss(match, len(original.cloud)))
     return {**result.record, "attributes_by": match.by, **lost}
+
+
+def _check_format(out: Path) -> None:
+    """Raise InputError for names of files that cannot be written, before anything is decoded."""
+    refuse_copc(out)
+    suffix = out.suffix.lower()
+    if suffix not in OF_POINTS and suffix in (*SUFFIXES, *COMPRESSED):
+        raise InputError(f"{out}: {suffix} is not written: name it {', '.join(OF_POINTS)}")
 
 
 def _write(out: Path, cloud: PointCloud) -> None:

@@ -26,6 +26,7 @@ from puckbench.cli.units import (
     refuse_cloud_options,
 )
 from puckbench.geometry.scaling import GRID, METRIC
+from puckbench.scene_sets.recordings import decompressed, is_bag_of_clouds
 from puckbench.scene_sets.selected_turns import check_selection, is_recording, read_selected_turns
 from puckbench.steps.prepare import Prepare, box_of, in_metres, names_and_groups, points_of_scan
 from puckbench.steps.prepare_returns import (
@@ -82,7 +83,7 @@ def run(options: argparse.Namespace) -> dict[str, Any]:
 
 
 def _prepared(options: argparse.Namespace) -> dict[str, Any]:
-    if is_recording(options.cloud) and _has_clouds(options):
+    if is_recording(options.cloud) and is_bag_of_clouds(options.cloud, options.topic):
         return _cloud_of_bag(options)
     is_of_sensor = options.turns or options.stream or options.topic or is_recording(options.cloud)
     is_scan = options.cloud.suffix == ".parquet"
@@ -147,12 +148,6 @@ def _refuse_returns(path: Path) -> None:
         raise InputError(f"{path}: a recording's table, not a scan's: {how}")
 
 
-def _has_clouds(options: argparse.Namespace) -> bool:
-    from puckbench.recordings.cloud_messages import has_clouds
-
-    return has_clouds(options.cloud, options.topic)
-
-
 def _cloud_of_bag(options: argparse.Namespace) -> dict[str, Any]:
     from puckbench.recordings.cloud_messages import read_recorded_cloud
 
@@ -164,7 +159,8 @@ def _cloud_of_bag(options: argparse.Namespace) -> dict[str, Any]:
     why = f"not with clouds of a ROS bag ({options.cloud})"
     refuse(options, {"clean": False, "bin_columns": None}, why)
     kept = options.keep_missing, options.drop_invalid
-    cloud = read_recorded_cloud(options.cloud, first, options.topic, *kept)
+    with decompressed(options.cloud) as bag:
+        cloud = read_recorded_cloud(bag, first, options.topic, *kept, options.cloud)
     about = {"source": options.cloud.name, "message": first, **cloud.about}
     return _cloud(options, _measured(options, replace(cloud, about=about)), size=METRIC)
 

@@ -33,7 +33,7 @@ _LOADER_OPTIONS = (
 )
 _CONFIG_OPTIONS = (
     *("codecs", "frame", "rates", "metrics", "scan", "errors", "points", "limit", "strict"),
-    *("peak", "out", "timeout", *_LOADER_OPTIONS),
+    *("peak", "out", "timeout", "poses", *_LOADER_OPTIONS),
 )
 """Options that stand for keys of a configuration."""
 
@@ -76,6 +76,11 @@ def arguments(parser: argparse.ArgumentParser) -> None:
         "(default: 10)"
     )
     add("--limit", type=integer(1), help=text)
+    text = (
+        "poses of the sensor (TUM, KITTI): consecutive turns, or frames of a folder, are also a drive "
+        "on which odometry runs (at most 100 of them, or --limit)"
+    )
+    add("--poses", metavar="FILE", help=text)
     add("--topic", help="topic to read in ROS bags with several topics")
     add("--stream", help=STREAM)
     text = "scan meshes with a virtual VLP-16 instead of sampling them"
@@ -228,6 +233,7 @@ def _files_configuration(options: argparse.Namespace) -> Path:
         results=out.as_posix(),
         rates=tuple(options.rates or ()),
         metrics=tuple(options.metrics or ()),
+        poses=options.poses,
         options=_set_options(options, *_LOADER_OPTIONS[1:]) | _units(options),
         **settings,
     )

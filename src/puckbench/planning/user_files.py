@@ -12,6 +12,7 @@ from cloud_files import clouds, meshes
 from cloud_files.clouds import IN_METRES
 from cloud_files.content import plain_suffix
 from cloud_files.ply import has_faces
+from cloud_files.poses import read_lidar_poses
 from pointkit.column_tables import is_table_of
 from pointkit.errors import NARROWER, InputError, naming
 from pointkit.files import special_kind, write_bytes
@@ -36,7 +37,12 @@ from puckbench.planning.plan import Plan, spread_out
 from puckbench.planning.scene_checks import printable
 from puckbench.scene_sets import captured_rooms, recordings
 from puckbench.scene_sets.registry import open_scene_set
-from puckbench.scene_sets.user_files import check_units, is_file_or_lost, is_named
+from puckbench.scene_sets.user_files import (
+    BESIDE_FRAMES,
+    check_units,
+    is_file_or_lost,
+    is_named,
+)
 
 Kind = Literal["clouds", "meshes", "recordings", "recorded_clouds", "capture_tables"]
 Options = dict[str, Any]
@@ -46,6 +52,8 @@ CONFIG = "config.yaml"
 _CUBE = 1024
 _TURNS = 10
 """Default number of turns (revolutions of the sensor) of recordings, evenly spaced."""
+_DRIVE, _TURNS_OF_DRIVE = "drive", 100
+"""Name of the drive of a run with poses, and default number of its turns."""
 _POINTS = 100_000
 """Default number of points sampled on a mesh."""
 _BUDGET_S = 480.0
@@ -122,6 +130,9 @@ class UserRun:
         PSNR peak, in m, of clouds in metres; by default `puckbench.metrics.default_peak.PEAK_M`.
     timeout_s
         Seconds after which a job fails; by default no limit.
+    poses
+        File of the sensor's poses. The clouds, which are then in metres, are also a drive of
+        consecutive turns, at most `limit` (by default 100), on which odometry runs.
     options
         Options of the loaders that read the files, by name.
     """
@@ -139,11 +150,12 @@ class UserRun:
     strict: bool = False
     peak: float | None = None
     timeout_s: float | None = None
+    poses: str | None = None
     options: Mapping[str, Any] = field(default_factory=dict)
     _reductions: dict[str, str] = field(default_factory=dict, init=False, repr=False)
     """Notes for the table ``left_out``, by subject: omitted turns or rates, or unknown units."""
     _bags: dict[Path, bool] = field(default_factory=dict, init=False, repr=False)
-    """Whether each ROS bag contains clouds; otherwise, it contains data packets."""
+    """Whether each ROS bag or compressed recording contains clouds; else it has data packets."""
 
     def configuration(self) -> Options:
         """Return the configuration of the run, as it is written to a file.
@@ -160,6 +172,8 @@ class UserRun:
         self._check_units(paths_by_kind)
         with naming("--rates"):
             check_lengths(self.rates)
+        if self.poses:
+            read_lidar_poses(self.poses)  # for an error before other files are read
         scenes = {kind: self._scenes(kind, paths) for kind, paths in paths_by_kind.items()}
         datasets = {self._name(kind): self._dataset(kind, scenes[kind]) for kind in paths_by_kind}
         self._set_peak(datasets)
@@ -174,6 +188,9 @@ class UserRun:
             **({"metrics": list(self.metrics)} if self.metrics else {}),
             "timing": {"repeats": 1, **({"timeout_s": self.timeout_s} if self.timeout_s else {})},
         }
+        if self.poses:
+            config["scene_sets"] = {**scenes, _DRIVE: self._scenes_of_drive(scenes)}
+            config["drives"] = {_DRIVE: self._drive(self.poses)}
         plan = Plan(trusted(config), check_scenes=True)
         plan.memory.save()  # so that the run does not read the files again
         rates = self._chosen_rates(plan)
@@ -200,13 +217,12 @@ class UserRun:
         ]
 
     def _kind(self, path: Path) -> Kind | None:
-        if not (path.is_dir() or path.suffix.lower() in recordings.BAG_SUFFIXES):
+        suffix = path.suffix.lower()
+        if not (path.is_dir() or suffix in (*recordings.BAG_SUFFIXES, recordings.COMPRESSED)):
             return _kind(path)
         if path not in self._bags:
-            from puckbench.recordings.cloud_messages import has_clouds
-
             try:
-                self._bags[path] = has_clouds(path, self.options.get("topic"))
+                self._bags[path] = recordings.is_bag_of_clouds(path, self.options.get("topic"))
             except InputError:  # the loader reports it
                 self._bags[path] = False
         return "recorded_clouds" if self._bags[path] else "recordings"
@@ -300,14 +316,29 @@ class UserRun:
         sweep = "spin" if frame == "metric" else {"duration_s": 1.0}
         return {"scene_set": kind, "make": "scan", "errors": self.errors, "sweep": sweep, **size}
 
+    def _scenes_of_drive(self, scenes: Mapping[Kind, Options]) -> Options:
+        """Return the scene set of consecutive turns."""
+        if len(scenes) != 1 or "meshes" in scenes:
+            raise InputError("--poses: only for the turns of recordings, or for a folder of frames")
+        ((_, entry),) = scenes.items()
+        kept = {key: entry[key] for key in ("loader", "options")}
+        return {**kept, "limit": self.limit or _TURNS_OF_DRIVE}
+
+    def _drive(self, poses: str) -> Options:
+        rates = {"rates": list(self.rates)} if self.rates not in {(), ("all",)} else {}
+        tasks: Options = {"odometry": {}}
+        return {"scene_set": _DRIVE, "make": "cloud", "poses": poses, "tasks": tasks, **rates}
+
     def _default_frame(self, kind: Kind, scenes: Options) -> CoordinateFrame:
+        if self.poses:
+            return "metric"
         if kind in ("recorded_clouds", "capture_tables"):
             return "metric"
         return "scaled" if kind == "meshes" else self._frame_of_clouds(scenes)
 
     def _frame_of_clouds(self, scenes: Options) -> CoordinateFrame:
         scene_set = open_scene_set(scenes["loader"], scenes["options"])
-        files = (path for name in scene_set.names() for path in scene_set.files(name))
+        files = (scene_set.files(name)[0] for name in scene_set.names())
         suffixes = sorted(set(map(plain_suffix, files)))
         others = [suffix for suffix in suffixes if suffix not in IN_METRES]
         if not others:
@@ -345,35 +376,43 @@ class UserRun:
         )
 
     def _chosen_rates(self, plan: Plan) -> dict[str, Options]:
-        """Return the lists of rates for the entries of those codecs that have requested rates."""
-        check_codecs(plan)
+        """Return the lists of rates for the entries of those codecs that can code a cloud."""
+        faults = _faults_of_codecs(plan, advice=True)
         few = not self.rates and _seconds(plan) > _BUDGET_S
         changes: dict[str, Options] = {}
-        for codec in plan.codecs:
+        for codec in (codec for codec in plan.codecs if codec not in faults):
             offered = {frame: rates for frame in plan.frames if (rates := plan.rates(codec, frame))}
             chosen = {frame: self._selected_rates(plan, codec, frame, few) for frame in offered}
             if not any(chosen.values()):
                 has = ", ".join(rate for rates in offered.values() for rate in rates)
                 self._reductions[f"codec {codec}"] = f"none of the requested rates (it has {has})"
                 continue
+            if all(_is_too_wide(plan, codec, *each) for each in chosen.items() if each[1]):
+                faults[codec] = f"every cloud is too wide for its rates{NARROWER}"
+                continue
             for frame, selected in chosen.items():
                 if few and len(selected) < len(offered[frame]):
                     counts = f"{len(selected)} of {len(offered[frame])} rates"
                     self._reductions[f"codec {codec}"] = f"{counts}: all take long (--rates all)"
-                _check_width(plan, codec, frame, selected)
             changes[codec] = {
                 _KEYS[frame]: list(selected)
                 for frame, selected in chosen.items()
                 if selected != offered[frame]
             }
-        self._check_chosen(plan, changes)
+        for codec, fault in faults.items():
+            if self.strict or not changes:
+                raise InputError(f"codec {codec}: {fault}")
+            self._reductions[f"codec {codec}"] = fault
+        self._check_chosen(plan, changes, [name for name in plan.codecs if name not in faults])
         return changes
 
-    def _check_chosen(self, plan: Plan, changes: Mapping[str, Options]) -> None:
-        """Raise InputError if no codec has a requested rate for the clouds of a frame."""
-        lacking = [codec for codec in plan.codecs if codec not in changes] if self.strict else []
+    def _check_chosen(
+        self, plan: Plan, changes: Mapping[str, Options], codecs: Sequence[str]
+    ) -> None:
+        """Raise InputError if none of the codecs has a requested rate for the clouds of a frame."""
+        lacking = [codec for codec in codecs if codec not in changes] if self.strict else []
         for frame in plan.frames:
-            offering = [codec for codec in plan.codecs if plan.rates(codec, frame)]
+            offering = [codec for codec in codecs if plan.rates(codec, frame)]
             kept = [codec for codec in offering if codec in changes]
             if all(changes[codec].get(_KEYS[frame]) == [] for codec in kept):
                 lacking += offering
@@ -414,7 +453,8 @@ class UserRun:
 def _files(text: str) -> Iterator[Path]:
     path = Path(text)
     if path.is_dir() and not recordings.is_bag_folder(path):
-        yield from (each for each in sorted(path.rglob("*")) if is_file_or_lost(each))
+        below = (each for each in sorted(path.rglob("*")) if each.name not in BESIDE_FRAMES)
+        yield from filter(is_file_or_lost, below)
     elif path.exists():
         yield from () if special_kind(path) else (path,)
     else:
@@ -472,11 +512,19 @@ def check_codecs(plan: Plan, advice: bool = True) -> None:
 
     With `advice`, messages name an option of ``puckbench run`` that may help.
     """
+    for name, fault in _faults_of_codecs(plan, advice).items():
+        raise InputError(f"codec {name}: {fault}")
+
+
+def _faults_of_codecs(plan: Plan, advice: bool) -> dict[str, str]:
+    """Return why codecs cannot encode any cloud of a plan; raise InputError if one cannot run."""
+    faults = {}
     for name, opened in plan.opened.items():
         if why := why_not_here(opened):
             raise InputError(f"codec {name} cannot run here: {why}")
         if not any(plan.codes(name, data) for data in plan.datasets):
-            raise InputError(f"codec {name}: {_why_not(plan, name, advice)}")
+            faults[name] = _why_not(plan, name, advice)
+    return faults
 
 
 def _codec(text: str) -> tuple[str, Options]:
@@ -499,7 +547,8 @@ def _seconds(plan: Plan) -> float:
     return total
 
 
-def _check_width(plan: Plan, codec: str, frame: CoordinateFrame, rates: Sequence[str]) -> None:
+def _is_too_wide(plan: Plan, codec: str, frame: CoordinateFrame, rates: Sequence[str]) -> bool:
+    """Return whether a codec skips every cloud of a frame, as all are too wide for its rates."""
     extents = [
         plan.extents.get(name, {}).get(cloud, 0.0)
         for name in plan.in_frame(frame)
@@ -508,8 +557,7 @@ def _check_width(plan: Plan, codec: str, frame: CoordinateFrame, rates: Sequence
     ]
     skip = plan.opened[codec].skip
     narrowest = CloudKind(frame, True, True, min(extents, default=0.0))
-    if extents and rates and all(skip(narrowest, rate) for rate in rates):
-        raise InputError(f"codec {codec}: every cloud is too wide for its rates{NARROWER}")
+    return bool(extents) and all(skip(narrowest, rate) for rate in rates)
 
 
 def _why_not(plan: Plan, codec: str, advice: bool) -> str:

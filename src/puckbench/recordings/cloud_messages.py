@@ -99,7 +99,7 @@ def cloud_topic(path: Path, topic: str | None = None) -> tuple[str, Topic]:
 
 
 def read_cloud_messages(
-    path: Path, topic: str | None, numbers: Sequence[int]
+    path: Path, topic: str | None, numbers: Sequence[int], source: Path | None = None
 ) -> list[CloudMessage]:
     """Read messages from a topic of clouds.
 
@@ -111,6 +111,8 @@ def read_cloud_messages(
         Name of the topic; None for the only topic of clouds.
     numbers
         Numbers of the messages to read, from 0, in increasing order.
+    source
+        File that messages name, if `path` is a temporary copy of it.
 
     Returns
     -------
@@ -122,12 +124,12 @@ def read_cloud_messages(
     columns_of = point_columns if bag.kind == POINT_CLOUD2 else decompressed_columns
     clouds = []
     for number, message in zip(numbers, bag.messages, strict=True):
-        with naming(f"{path}: topic {bag.topic}: message {number}"):
+        with naming(f"{source or path}: topic {bag.topic}: message {number}"):
             columns = columns_of(message)
             if not _are_plausible(columns):
                 swapped = columns_of(replace(message, is_bigendian=not message.is_bigendian))
                 if _are_plausible(swapped):
-                    _tell_byte_order(f"{path}: topic {bag.topic}")
+                    _tell_byte_order(f"{source or path}: topic {bag.topic}")
                     columns = swapped
         stamp, frame = message.header.stamp, message.header.frame_id.lstrip("/")
         stamp_ns = stamp.sec * 10**9 + stamp.nanosec
@@ -154,6 +156,7 @@ def read_recorded_cloud(
     topic: str | None = None,
     keep_missing: bool = False,
     drop_invalid: bool = False,
+    source: Path | None = None,
 ) -> UncheckedCloud:
     """Read one message of a ROS bag as a cloud.
 
@@ -170,6 +173,8 @@ def read_recorded_cloud(
         coordinates.
     drop_invalid
         Whether to leave out points with a coordinate that is infinite or not a number.
+    source
+        File that messages name, if `path` is a temporary copy of it.
 
     Returns
     -------
@@ -177,12 +182,13 @@ def read_recorded_cloud(
         The cloud, which may have no points or, unless `drop_invalid`, points that are not finite.
         Its description has the time stamp of the message in s (``stamp_s``).
     """
-    (message,) = read_cloud_messages(path, topic, [number])
-    with naming(path):
+    (message,) = read_cloud_messages(path, topic, [number], source)
+    source = source or path
+    with naming(source):
         cloud = cloud_from_columns(message.columns)
     cloud = replace(cloud, about={**cloud.about, "stamp_s": message.stamp_ns / 1e9})
     if not keep_missing and len(cloud):
         missing = missing_returns(cloud.xyz, message.is_organised)
         if drop_invalid or np.isfinite(cloud.xyz[~missing]).all():  # other clouds are refused
-            cloud = without_missing(cloud, missing, path)
-    return without_invalid(cloud, path) if drop_invalid else cloud
+            cloud = without_missing(cloud, missing, source)
+    return without_invalid(cloud, source) if drop_invalid else cloud

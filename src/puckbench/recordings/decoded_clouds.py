@@ -13,7 +13,7 @@ from cloud_files.las import read_las
 from cloud_files.pcd import read_pcd
 from cloud_files.ply import read_ply
 from cloud_files.text import read_csv
-from pointkit.errors import InputError
+from pointkit.errors import InputError, counted
 from pointkit.geometry.cloud import Floats, check_points
 from pointkit.lidar.return_table import RETURN_COLUMNS, UNKNOWN, ReturnTable
 from pointkit.lidar.sensor import Sensor
@@ -192,7 +192,7 @@ def tell_missing(label: str, count: int) -> dict[str, int]:
     """
     if not count:
         return {}
-    _log.warning("%s: left out %d missing returns", label, count)
+    _log.warning("%s: left out %s", label, counted(count, "missing return"))
     return {"dropped_points": count, "missing_returns": count}
 
 

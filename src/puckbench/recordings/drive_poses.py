@@ -17,7 +17,9 @@ _LONGEST_GAP_S = 1.0
 """Longest time between two poses within which the motion is interpolated."""
 
 
-def poses_of_file(path: str | Path, starts: Floats, turn_s: float) -> tuple[Floats, Floats]:
+def poses_of_file(
+    path: str | Path, starts: Floats, turn_s: float, *, are_known: bool = True
+) -> tuple[Floats, Floats]:
     """Read the poses of a drive from a file in TUM's or KITTI's format.
 
     If the file has times and these cover the turns, the poses hold at their times, whatever their
@@ -31,6 +33,8 @@ def poses_of_file(path: str | Path, starts: Floats, turn_s: float) -> tuple[Floa
         Times at which the turns begin, (number of turns,), in s.
     turn_s
         Duration of a turn, in s.
+    are_known
+        Whether the times of the turns are known, so that times of poses tell what belongs together.
 
     Returns
     -------
@@ -47,7 +51,7 @@ def poses_of_file(path: str | Path, starts: Floats, turn_s: float) -> tuple[Floa
     times, poses = read_lidar_poses(path)
     fault = f"{len(poses)} poses for {len(starts)} turns"
     begin, end = float(starts[0]), float(starts[-1]) + turn_s
-    if times is not None and len(times) > 1:
+    if times is not None and len(times) > 1 and are_known:
         reach = _REACH * np.diff(times)
         if times[0] - reach[0] <= begin and end <= times[-1] + reach[-1]:
             first = int(np.searchsorted(times, begin, "right")) - 1
@@ -59,6 +63,7 @@ def poses_of_file(path: str | Path, starts: Floats, turn_s: float) -> tuple[Floa
         fault += f", turns from {begin:.3f} to {end:.3f} s"
     if len(poses) != len(starts):
         needed = "one for each turn, or times that cover the turns, are needed"
+        needed = needed if are_known else "one for each is needed, as times of turns are unknown"
         raise InputError(f"{path}: {fault}: {needed}")
     return starts + turn_s / 2, poses
 
@@ -102,3 +107,61 @@ def _beyond(near: Floats, last: Floats) -> Floats:
     motion[:3, :3] = Rotation.from_rotvec(_REACH * turned).as_matrix()
     motion[:3, 3] *= _REACH
     return np.asarray(last @ motion)
+
+
+def interpolated(times: Floats, poses: Floats, at: Floats) -> Floats:
+    """Interpolate poses in time.
+
+    Parameters
+    ----------
+    times
+        Times of the poses, (n,), in s.
+    poses
+        Poses, (n, 4, 4).
+    at
+        Times of the results, (m,), in s. Before the first pose and after the last, the result is
+        that pose.
+
+    Returns
+    -------
+    numpy.ndarray
+        Poses, (m, 4, 4).
+    """
+    from scipy.spatial.transform import Rotation, Slerp
+
+    if len(times) == 1:
+        return np.repeat(poses, len(at), axis=0)
+    within = np.clip(at, times[0], times[-1])
+    result = np.tile(np.eye(4), (len(at), 1, 1))
+    turned = Slerp(times, Rotation.from_matrix(poses[:, :3, :3]))
+    result[:, :3, :3] = turned(within).as_matrix()
+    for axis in range(3):
+        result[:, axis, 3] = np.interp(within, times, poses[:, axis, 3])
+    return result
+
+
+def poses_at(path: str | Path, times: Floats) -> Floats:
+    """Read the poses of a file at given times.
+
+    Parameters
+    ----------
+    path
+        File of poses, as for `read_lidar_poses`. If its times do not cover the given ones, or if it
+        has none, there must be one pose for each time.
+    times
+        Times, (n,), in s.
+
+    Returns
+    -------
+    numpy.ndarray
+        Poses, (n, 4, 4), as in `poses_of_file`.
+
+    Raises
+    ------
+    InputError
+        As for `poses_of_file`.
+    """
+    pose_times, poses = poses_of_file(path, times, 0.0)
+    if len(pose_times) > 1:
+        pose_times, poses = extended(pose_times, poses)
+    return interpolated(pose_times, poses, times)

@@ -25,6 +25,7 @@ from pointkit.geometry.cloud import Floats, PointCloud
 from pointkit.lidar.returns import Returns, read_firings, write_firings
 from pointkit.models import Model, parsed
 from puckbench.core.archives import read_archive, write_archive
+from puckbench.recordings.drive_poses import interpolated
 
 KEPT, AZIMUTH, NONE = "kept", "azimuth", "none"
 """Values of the column ``times``, which says where the times of a decoded turn's points come from:
@@ -115,16 +116,7 @@ class Drive:
         numpy.ndarray
             Poses, (number of turns, 4, 4), as in `poses`.
         """
-        from scipy.spatial.transform import Rotation, Slerp
-
-        times = np.clip(self.starts + share * self.turn_s, self.pose_times[0], self.pose_times[-1])
-        poses = np.tile(np.eye(4), (len(times), 1, 1))
-        poses[:, :3, :3] = Slerp(self.pose_times, Rotation.from_matrix(self.poses[:, :3, :3]))(
-            times
-        ).as_matrix()
-        for axis in range(3):
-            poses[:, axis, 3] = np.interp(times, self.pose_times, self.poses[:, axis, 3])
-        return poses
+        return interpolated(self.pose_times, self.poses, self.starts + share * self.turn_s)
 
     @cached_property
     def points(self) -> int:

@@ -1,37 +1,56 @@
 """Folders of frames: a file for each turn (revolution) or message of a recording.
 
-The file ``times.txt`` has the time of each frame in s, and ``poses.txt``, in KITTI's format, the
-pose of the sensor at that time, if poses are known.
+The file ``times.txt`` has the time of each frame in s. If poses are known, ``poses.txt`` (KITTI's
+format) and ``poses.tum`` have the pose of the sensor at that time.
 """
 
 from __future__ import annotations
 
 import logging
 from collections.abc import Iterable, Iterator
+from itertools import chain
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from cloud_files.poses import kitti_bytes
-from pointkit.errors import InputError
+from cloud_files.clouds import read_cloud
+from cloud_files.poses import kitti_bytes, tum_bytes
+from pointkit.errors import InputError, counted
 from pointkit.files import folder_written_whole
 from pointkit.geometry.cloud import Floats
 from pointkit.lidar.return_table import UNKNOWN, ReturnTable
 from pointkit.lidar.returns import HOUR_US, Returns
 from pointkit.lidar.turns import clock_steps, elapsed
 from pointkit.terminal import Progress
+from puckbench.recordings.drive_poses import poses_at
 from puckbench.recordings.export import (
     Columns,
     column_us,
     columns_of_returns,
     export_points,
 )
+from puckbench.recordings.pose_axes import in_axes_of_turns, pairs_apart, walls_of
 from puckbench.recordings.table_turns import turn_of_table, whole_turns
 from virtual_lidar.scan_returns import frame_poses, sensor_points
 from virtual_lidar.scan_table import ScanTable
 
 _log = logging.getLogger(__name__)
+
+
+class PoseFile(NamedTuple):
+    """A file of poses of the sensor, in TUM's or KITTI's format.
+
+    Parameters
+    ----------
+    path
+        The file, as for `drive_poses.poses_at`.
+    origin_s
+        Time of the poses, s, from which the times of frames count.
+    """
+
+    path: Path
+    origin_s: float = 0.0
 
 
 class Frame(NamedTuple):
@@ -56,7 +75,13 @@ class Frame(NamedTuple):
     pose: Floats | None = None
 
 
-def write_frames(folder: Path, form: str, frames: Iterable[Frame], count: int) -> dict[str, Any]:
+def write_frames(
+    folder: Path,
+    form: str,
+    frames: Iterable[Frame],
+    count: int,
+    pose_file: PoseFile | None = None,
+) -> dict[str, Any]:
     """Write frames to a folder, one file for each: ``000000.pcd`` and so on.
 
     The folder appears only when it is complete. Frames without a point are left out, with a
@@ -72,6 +97,10 @@ def write_frames(folder: Path, form: str, frames: Iterable[Frame], count: int) -
         The frames, of which one at a time is held in memory.
     count
         Number of frames, of which those without a point may be missing.
+    pose_file
+        File of poses, for frames without poses. Its poses are interpolated at the times of the
+        frames; they get the frames' axes if the frames show that they have other ones
+        (`pose_axes.in_axes_of_turns`).
 
     Returns
     -------
@@ -81,7 +110,8 @@ def write_frames(folder: Path, form: str, frames: Iterable[Frame], count: int) -
     Raises
     ------
     InputError
-        The folder is not empty, no frame has a point, or a frame cannot be written.
+        The folder is not empty, no frame has a point, a frame cannot be written, or the poses of
+        the file do not cover the frames.
     """
     progress, told = Progress("frame"), list[str]()
     seconds, poses, points = list[float](), list[Floats](), 0
@@ -96,7 +126,7 @@ def write_frames(folder: Path, form: str, frames: Iterable[Frame], count: int) -
             progress(number, count)
             if not len(frame.columns["x"]):
                 continue
-            path = place / f"{len(seconds):06d}.{form}"
+            path = _file(place, len(seconds), form)
             points += export_points(path, frame.columns, tell_once)["points"]
             seconds.append(frame.seconds)
             if frame.pose is not None:
@@ -104,11 +134,30 @@ def write_frames(folder: Path, form: str, frames: Iterable[Frame], count: int) -
         if not seconds:
             raise InputError(f"{folder}: no frame has a point")
         (place / "times.txt").write_text("".join(f"{time:.6f}\n" for time in seconds))
+        if pose_file:
+            poses = [*_poses_of_file(pose_file, np.array(seconds), place, form)]
         if poses:
             (place / "poses.txt").write_bytes(kitti_bytes(np.array(poses)))
+            (place / "poses.tum").write_bytes(tum_bytes(np.array(seconds), np.array(poses)))
     if empty := count - len(seconds):
-        _log.warning("%s: left out %d frames without a point", folder, empty)
+        _log.warning("%s: left out %s without a point", folder, counted(empty, "frame"))
     return {"frames": len(seconds), "points": points}
+
+
+def _file(folder: Path, number: int, form: str) -> Path:
+    return folder / f"{number:06d}.{form}"
+
+
+def _poses_of_file(pose_file: PoseFile, seconds: Floats, folder: Path, form: str) -> Floats:
+    """Return the poses of a file at the times of the frames in a folder, in their axes."""
+    poses = poses_at(pose_file.path, pose_file.origin_s + seconds)
+    pairs, columns = pairs_apart(poses), "4" if form == "bin" else None
+    walls = {
+        number: walls_of(read_cloud(_file(folder, number, form), bin_columns=columns).xyz)
+        for number in {*chain(*pairs)}
+    }
+    matrix, _ = in_axes_of_turns(str(pose_file.path), poses, walls, pairs)
+    return np.asarray(poses @ matrix)
 
 
 def frames_of_returns(returns: Returns, numbers: range) -> Iterator[Frame]:

@@ -9,17 +9,21 @@ import numpy as np
 from pointkit.errors import InputError, naming
 from pointkit.lidar.returns import HOUR_US
 from pointkit.lidar.turns import elapsed
+from pointkit.lidar.unit_calibration import calibration_beside, calibration_in_packets
 from puck.recordings.data_packets import whole_packets
 from puck.recordings.ouster import sensor_of
 from puck.recordings.ouster_logs import ouster_log
 from puck.recordings.ouster_packets import OusterKind
-from puck.recordings.packet_order import is_regular, tell_irregularities
+from puck.recordings.packet_order import is_regular, packet_steps, tell_irregularities
 from puck.recordings.packet_turns import Payloads
 from puck.recordings.packets import HDL64E, PACKET, PacketLog
+from puck.recordings.pcap import read_datagrams
 from puck.records import is_stream
 from puck.turn_packets import TurnIndex
 from puckbench.recordings.reading import RecordedTurns, turns_of_packets
 
+_CALIBRATING_PACKETS, _TURNS_AT_ONCE = 10_000, 16
+"""Number of packets in which the calibration of an HDL-64E, which has 4,160, is searched for."""
 _LONG_BYTES, _COMPRESSED_TO = 1 << 26, 8
 """Size in bytes from which a recording is long, and a factor for compressed ones.
 
@@ -35,9 +39,7 @@ def is_long(path: Path) -> bool:
 
 def count_whole_turns(index: TurnIndex) -> range | None:
     """Return the numbers of a recording's complete turns, or None if packets must tell them."""
-    if isinstance(index.kind, OusterKind) or index.kind.product == HDL64E:
-        return None
-    return range(1, index.count - 1)
+    return None if isinstance(index.kind, OusterKind) else range(1, index.count - 1)
 
 
 def read_some_turns(index: TurnIndex, first: int, last: int) -> RecordedTurns | None:
@@ -53,10 +55,10 @@ def read_some_turns(index: TurnIndex, first: int, last: int) -> RecordedTurns | 
     Returns
     -------
     RecordedTurns or None
-        The turns from `first` to `last` only; `whole` has numbers of the whole recording, and the
-        time at which it began is unknown. None if all of the recording must be read: it lacks one
-        of the turns; packets are repeated, damaged or out of order; an Ouster's turn is not
-        complete; or a calibration must be read from all packets (HDL-64E).
+        The turns from `first` to `last` only; `whole` has numbers of the whole recording, and
+        `begun_s` is the time at which turn `first` began. None if all of the recording must be
+        read: it lacks one of the turns; packets are repeated, damaged or out of order; an Ouster's
+        turn is not complete; or the first 10,000 packets of an HDL-64E lack its calibration.
 
     Raises
     ------
@@ -70,7 +72,12 @@ def read_some_turns(index: TurnIndex, first: int, last: int) -> RecordedTurns | 
         log = _log(index, np.concatenate(turns))
         if log is None or not is_regular(log):
             return None
-        recorded = turns_of_packets(log, index.path)
+        calibrating = None
+        if not isinstance(index.kind, OusterKind) and index.kind.product == HDL64E:
+            calibrating = _calibrating(index)
+            if calibrating is None:
+                return None
+        recorded = turns_of_packets(log, index.path, calibrating)
         if len(recorded.returns.turns) != len(turns):
             return None
         whole = count_whole_turns(index)
@@ -79,7 +86,42 @@ def read_some_turns(index: TurnIndex, first: int, last: int) -> RecordedTurns | 
         if not whole:
             return None
         tell_irregularities(index.path, log)
-    return recorded._replace(whole=whole, begun_s=None)
+        begun_s = _begun_s(index, first, turns[0])
+    return recorded._replace(whole=whole, begun_s=begun_s)
+
+
+def _calibrating(index: TurnIndex) -> PacketLog | None:
+    """Return the first packets of an HDL-64E if they, or a file beside it, have its calibration."""
+    turns, count = list[Payloads](), 0
+    for number in range(0, index.count, _TURNS_AT_ONCE):
+        turns += index.packets(number, number + _TURNS_AT_ONCE)
+        if (count := sum(map(len, turns))) >= _CALIBRATING_PACKETS:
+            break
+    payloads = np.concatenate(turns)
+    is_known = calibration_beside(index.path) or calibration_in_packets(payloads[:, -2:])
+    return PacketLog(payloads, np.zeros(count)) if is_known else None
+
+
+def _begun_s(index: TurnIndex, number: int, packets: Payloads) -> float | None:
+    """Return the time since 1970, in s, at which a turn of a capture began; None if it is unknown.
+
+    It is the time at which the first packet of the capture was received, plus the time since then
+    by the sensor's clock. `packets` are those of the turn with a `number`.
+    """
+    start, first = index.start(), index.packets(0, 1)[0][:1]
+    datagrams = read_datagrams(start).datagrams if start else []
+    payload = first[0].tobytes()
+    received = next((each.received for each in datagrams if each.payload == payload), None)
+    if received is None:
+        return None
+    if isinstance(index.kind, OusterKind):
+        packet = sensor_of(index.metadata, "its metadata").packet
+        return received + packet_steps(np.concatenate([first, packets[:1]]), packet)[0] * 1e-6
+    since_us, *steps_us = packet_steps(np.concatenate([first, packets]), PACKET).tolist()
+    if steps_us:  # the clock restarts hourly
+        turn_us = sum(steps_us) * len(packets) / len(steps_us)
+        since_us += HOUR_US * round((number * turn_us - since_us) / HOUR_US)
+    return received + since_us * 1e-6
 
 
 def _log(index: TurnIndex, payloads: Payloads) -> PacketLog | None:
@@ -91,8 +133,6 @@ def _log(index: TurnIndex, payloads: Payloads) -> PacketLog | None:
             return ouster_log(sensor, [row.tobytes() for row in payloads], None, {}, "its metadata")
         except InputError:  # whoever reads the whole recording tells
             return None
-    if index.kind.product == HDL64E:
-        return None
     clock_us = payloads.view(PACKET)["time_us"][:, 0].astype(np.float64)
     elapsed_s = elapsed(clock_us, HOUR_US) * 1e-6
     log = whole_packets([row.tobytes() for row in payloads], elapsed_s.tolist(), {})

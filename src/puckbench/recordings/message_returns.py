@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pointkit.errors import InputError, naming
+from pointkit.errors import InputError, counted, naming
 from pointkit.geometry.cloud import Floats, check_points
 from pointkit.isolated import Columns
 from pointkit.lidar.return_table import ReturnTable
@@ -85,7 +85,11 @@ def read_message_returns(
 
 
 def read_message_columns(
-    path: Path, topic: str | None, turns: tuple[int, int], time_unit: TimeUnit | None = None
+    path: Path,
+    topic: str | None,
+    turns: tuple[int, int],
+    time_unit: TimeUnit | None = None,
+    source: Path | None = None,
 ) -> Columns:
     """Read the points of several messages of a ROS topic as columns.
 
@@ -102,6 +106,8 @@ def read_message_columns(
         Numbers of the first and the last message to read, from 0.
     time_unit
         Unit of the points' times; by default, it is inferred.
+    source
+        File that warnings name, if `path` is a temporary copy of it.
 
     Returns
     -------
@@ -116,7 +122,7 @@ def read_message_columns(
     """
     name, (_, count) = cloud_topic(path, topic)
     first, last = turns
-    label = f"{path}: topic {name}"
+    label = f"{source or path}: topic {name}"
     with naming(label):
         _check_numbers(first, last, count)
         apart_s = _time_between(path, name, last, count) if first == last else None
@@ -125,7 +131,11 @@ def read_message_columns(
 
 
 def iterate_messages(
-    path: Path, topic: str | None, turns: tuple[int, int] | None, time_unit: TimeUnit | None = None
+    path: Path,
+    topic: str | None,
+    turns: tuple[int, int] | None,
+    time_unit: TimeUnit | None = None,
+    source: Path | None = None,
 ) -> Iterator[tuple[float, Columns]]:
     """Yield the points of each message of a ROS topic, as `read_message_columns` reads them.
 
@@ -139,6 +149,8 @@ def iterate_messages(
         Numbers of the first and the last message, from 0; by default, all messages.
     time_unit
         Unit of the points' times; by default, it is inferred.
+    source
+        File that warnings name, if `path` is a temporary copy of it.
 
     Yields
     ------
@@ -156,7 +168,7 @@ def iterate_messages(
     """
     name, (_, count) = cloud_topic(path, topic)
     first, last = turns or (0, count - 1)
-    label = f"{path}: topic {name}"
+    label = f"{source or path}: topic {name}"
     with naming(label):
         _check_numbers(first, last, count)
         before, begin_s, missing = list[MessagePoints](), 0.0, 0
@@ -218,6 +230,8 @@ def _read(
             missing += left_out
     if not messages:
         raise InputError("no points in its messages")
+    if empty := len(numbers) - len(messages):
+        _log.warning("%s: left out %s without a point", label, counted(empty, "message"))
     counts = tell_missing(label, missing)
     _check_alike(messages)
     seconds, are_timed = seconds_of_messages(messages, unit, label, apart_s)
@@ -274,5 +288,6 @@ def _fitted(columns: Columns, label: str) -> tuple[Columns, Sensor, dict[str, An
     rest["ring"] = fitted.ranks[fitted.is_used]
     about = fitted.about()
     if left_out := about.get("points_left_out"):
-        _log.warning("%s: left out %d points of lasers with few points", label, left_out)
+        points = counted(left_out, "point")
+        _log.warning("%s: left out %s of lasers with few points", label, points)
     return rest, fitted.sensor, about

@@ -178,8 +178,9 @@ def _tell_order(
 ) -> None:
     steps, usual = np.diff(begins_s), _usual_step(begins_s)
     faults = {"do not follow": steps <= 0}
-    if usual:
-        faults["leave gaps"] = steps > _MOST_APART * usual
+    if usual:  # messages without a point are not among `messages`, and no gap
+        apart = np.diff([each.number for each in messages])
+        faults["leave gaps"] = steps > (apart - 1 + _MOST_APART) * usual
     for fault, rows in faults.items():
         if rows.any():
             first = int(np.argmax(rows))

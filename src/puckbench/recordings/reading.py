@@ -28,9 +28,14 @@ from puck.recordings.data_packets import (
 from puck.recordings.ouster import is_osf, osf_advice, ouster_turns
 from puck.recordings.ouster_bags import PACKET_MESSAGES, ouster_packets_in_bag
 from puck.recordings.ouster_tables import ouster_table
-from puck.recordings.packet_order import in_order, tell_irregularities, without_leaps
+from puck.recordings.packet_order import (
+    in_order,
+    packet_steps,
+    tell_irregularities,
+    without_leaps,
+)
 from puck.recordings.packet_turns import SENSORS, decode_packets, kind_codes, returns_of_packets
-from puck.recordings.packets import HDL64E, MESSAGES, SCAN, PacketLog
+from puck.recordings.packets import HDL64E, MESSAGES, PACKET, SCAN, PacketLog
 from puck.recordings.pcap import Capture, read_datagrams, refuse_stream
 from puck.recordings.ros_bags import is_bag, read_messages, read_topics
 from puck.recordings.topics import refuse_topic
@@ -70,7 +75,8 @@ def read_recording(
         The sensor; by default, it is inferred. It must be None for packets of an Ouster, which
         describe their sensor.
     start_s, end_s
-        Interval to read, in seconds after the first packet or point.
+        Interval to read, in seconds after the first packet or point. Times in the table count from
+        there, too, whatever the interval.
     stream
         Stream of a packet capture, such as ``192.168.1.201:2368``; by default, the only one.
     time_unit
@@ -112,7 +118,9 @@ def read_recording(
             sensor = sensor or _unit(packets, source)
             log = _interval(packets, start_s, end_s)
             decoded = _decoded(log, sensor)
-            table = replace(decoded, about={**decoded.about, **log.about})
+            times = decoded["timestamp"] + _since_first_s(packets, log)
+            columns = {**decoded.columns, "timestamp": times}
+            table = replace(decoded, columns=columns, about={**decoded.about, **log.about})
         if len(table) == 0:
             raise InputError("no return in the recording")
     return replace(table, about={**table.about, "source": source.name})
@@ -130,7 +138,8 @@ class RecordedTurns(NamedTuple):
     left_out
         Counts of data that were left out, by name.
     begun_s
-        Time since 1970, in s, at which the first packet was received, i.e. the first turn began.
+        Time since 1970, in s, at which the first turn in `returns` began, i.e. its first packet was
+        received. None if it is unknown.
     """
 
     returns: Returns
@@ -309,6 +318,13 @@ def _interval(log: PacketLog, start_s: float, end_s: float) -> PacketLog:
             f"no data packet from {start_s:g} to {end_s:g} s; the last is at {last:g} s"
         )
     return selected
+
+
+def _since_first_s(packets: PacketLog, selected: PacketLog) -> float:
+    """Return the time from the first packet to the first selected one, in s, by their clock."""
+    before = int(np.argmax(packets.received == selected.received[0]))
+    kind = PACKET if packets.sensor is None else packets.sensor.packet
+    return float(packet_steps(packets.payloads[: before + 1], kind).sum()) * 1e-6
 
 
 def _between(table: ReturnTable, start_s: float, end_s: float) -> ReturnTable:

@@ -34,10 +34,12 @@ class CaptureTables(RecordingSet):
             raise InputError(f"{path}: has no return")
         if number not in whole_turns(table)[:: self.every]:
             look_up(self._clouds, name, str(self.path))
-        cloud = cloud_of_table(turn_of_table(table, number))
+        turn = turn_of_table(table, number)
+        cloud, time_s = cloud_of_table(turn), float(turn["timestamp"].min())
         check_extent(cloud.xyz, str(path))
         about = {"source": path.name, "turn": number, "sensor": table.about.get("sensor", "")}
-        return Scene(name, safe_name(path.stem), cloud=replace(cloud, about=about), about=about)
+        group, cloud = safe_name(path.stem), replace(cloud, about=about)
+        return Scene(name, group, cloud=cloud, about=about, time_s=time_s)
 
     def _numbers(self, path: Path) -> list[int]:
         from pointkit.lidar.return_table import read_return_table

@@ -252,27 +252,69 @@ def decompressed(path: Path) -> Iterator[Path]:
         yield path
         return
     with TemporaryDirectory() as folder:
-        copy = Path(folder, "recording")
-        imported(READERS[COMPRESSED])(path, copy)
-        if is_stream(copy):
-            raise InputError(f"{path}: a compressed recording within another; decompress it first")
-        try:
+        copy = decompressed_in(Path(folder), path)
+        with naming_source(path, copy):
             yield copy
-        except InputError as error:
-            raise InputError(str(error).replace(str(copy), str(path))) from error
 
 
-def holds_clouds(path: Path) -> bool:
-    """Return whether a path is a compressed recording with clouds of a ROS bag.
+def decompressed_in(folder: Path, path: Path) -> Path:
+    """Decompress a recording to a file in a folder, and return the path of the file.
 
     Raises InputError if the compressed recording is damaged.
     """
+    from puck.records import is_stream
+
+    copy = folder / "recording"
+    imported(READERS[COMPRESSED])(path, copy)
+    if is_stream(copy):
+        raise InputError(f"{path}: a compressed recording within another; decompress it first")
+    return copy
+
+
+@contextmanager
+def naming_source(path: Path, copy: Path) -> Iterator[None]:
+    """Name a compressed recording in the place of its decompressed copy in messages of InputError.
+
+    Parameters
+    ----------
+    path
+        The compressed recording.
+    copy
+        Its copy, which the code in the `with` block reads.
+    """
+    try:
+        yield
+    except InputError as error:
+        raise InputError(str(error).replace(str(copy), str(path))) from error
+
+
+def is_bag_of_clouds(path: Path, topic: str | None = None) -> bool:
+    """Return whether a path is a ROS bag of clouds, which may be compressed.
+
+    Parameters
+    ----------
+    path
+        A recording. A compressed one is decompressed if the kinds of its records do not tell.
+    topic
+        As for `puckbench.recordings.cloud_messages.has_clouds`, which judges the bag.
+
+    Raises
+    ------
+    InputError
+        The recording is damaged.
+    """
     from puck.records import RecordKind, is_stream, places_of_records
+    from puckbench.recordings.cloud_messages import has_clouds
 
     if not is_stream(path):
-        return False
+        return has_clouds(path, topic)
     with path.open("rb") as file, naming(path):
-        return any(place.kind == RecordKind.CLOUD for place in places_of_records(file))
+        kinds = {place.kind for place in places_of_records(file)}
+    has_packets = RecordKind.TURN in kinds
+    if topic is None and has_packets != (RecordKind.CLOUD in kinds):
+        return not has_packets
+    with decompressed(path) as recording:
+        return has_clouds(recording, topic)
 
 
 _State = tuple[tuple[str, int, int], ...]

@@ -19,6 +19,10 @@ from puckbench.scene_sets.scene import safe_name, unique_names
 
 _LOG = logging.getLogger(__name__)
 
+TIMES_FILE = "times.txt"
+BESIDE_FRAMES = (TIMES_FILE, "poses.txt")
+"""Names of files, in a folder of frames, that are no clouds though their suffix is that of some."""
+
 Units = PositiveFloat | dict[str, PositiveFloat]
 """Metres per unit: one number for all files, or numbers by file name. Files without a number are
 in metres."""
@@ -117,8 +121,9 @@ class FileSet(SceneSet):
         return paths_at(text, lambda at: at.rglob("*"), self._is_of_set, self.what, suffixes)
 
     def _is_of_set(self, path: Path) -> bool:
-        has_suffix = plain_suffix(path) in self.suffixes and not path.name.startswith(".")
-        return has_suffix and is_file_or_lost(path) and self.takes(path)
+        is_named_so = plain_suffix(path) in self.suffixes and path.name not in BESIDE_FRAMES
+        is_shown = not path.name.startswith(".")
+        return is_named_so and is_shown and is_file_or_lost(path) and self.takes(path)
 
 
 def is_named(path: Path, name: str) -> bool:

@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -14,6 +15,7 @@ from pointkit.lidar.turns import elapsed
 from puckbench.core.code import MESH_FILES, SENSOR
 from puckbench.recordings.drive_poses import extended, poses_of_file
 from puckbench.recordings.drives import UNDECODED_POSES, Drive, check_times, turn_of, write_drive
+from puckbench.recordings.pose_axes import in_axes_of_turns, pairs_apart, walls_of
 from puckbench.recordings.timed_clouds import TimedClouds, timed_clouds
 from puckbench.scene_sets.loader_code import loader_modules
 from puckbench.scene_sets.registry import open_scene_set
@@ -44,7 +46,8 @@ class DriveOfClouds(LoaderSettings, Step):
     errors of decoded turns are then deviations from the undecoded trajectory.
 
     Poses of a file have times that cover those of the turns. Otherwise, there is one pose for each
-    turn, which is that of its middle.
+    turn, which is that of its middle. If the turns show that the poses have other axes, turned by
+    multiples of 90 degrees about z, such as those of ROS, the poses are converted, with a warning.
 
     Parameters
     ----------
@@ -111,7 +114,7 @@ class DriveOfClouds(LoaderSettings, Step):
         check_times(starts)
         whose = UNDECODED_POSES
         if self.poses:
-            times, poses = poses_of_file(self.poses, starts, turn_s)
+            times, poses = poses_of_file(self.poses, starts, turn_s, are_known=_are_timed(scenes))
             whose = Path(self.poses).name
             if self.loader == "kitti" and self.options.get("returns"):
                 axes = "returns of KITTI have other axes than its poses"
@@ -125,11 +128,26 @@ class DriveOfClouds(LoaderSettings, Step):
             poses = estimated_poses(clouds, turn_s > 0, *settings_of(**self.odometry))
             times = starts + moment_of(clouds) * turn_s
         about = {"scene": scenes[0].group, "poses": whose, **_sensor(scenes[0])}
-        return Drive(clouds, starts, turn_s, *extended(times, poses), about)
+        made = Drive(clouds, starts, turn_s, *extended(times, poses), about)
+        return _with_axes_of_turns(made, self.poses) if self.poses else made
+
+
+def _with_axes_of_turns(drive: Drive, path: str) -> Drive:
+    """Return a drive whose poses, which are those of a file, have the axes of its turns."""
+    poses = drive.poses_at(0.5)
+    pairs = pairs_apart(poses)
+    walls = {number: walls_of(drive.turns[number].xyz) for pair in pairs for number in pair}
+    matrix, remark = in_axes_of_turns(path, poses, walls, pairs)
+    about = {**drive.about, "poses": f"{drive.about['poses']}: {remark}"} if remark else drive.about
+    return replace(drive, poses=drive.poses @ matrix, about=about)
 
 
 def _sensor(scene: Scene) -> dict[str, Any]:
     return {"sensor": scene.about["sensor"]} if "sensor" in scene.about else {}
+
+
+def _are_timed(scenes: Sequence[Scene]) -> bool:
+    return all(scene.time_s is not None for scene in scenes)
 
 
 def _timed_turns(scenes: Sequence[Scene]) -> TimedClouds:

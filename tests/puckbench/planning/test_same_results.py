@@ -22,6 +22,8 @@ def folders(tmp_path: Path) -> tuple[Path, Path]:
         table = f"rate,encode_s\nr1,{seconds}\n"
         write_bytes(tmp_path / name / "tables" / "metrics.csv", table.encode())
         write_bytes(tmp_path / name / "logs" / "r1.log", str(seconds).encode())
+        of_snakemake = tmp_path / name / "trajectories" / "mine" / ".snakemake_timestamp"
+        write_bytes(of_snakemake, str(seconds).encode())
     return tmp_path / "a", tmp_path / "b"
 
 

@@ -11,8 +11,10 @@ import pytest
 import trimesh
 import yaml
 
+from cloud_files.poses import kitti_bytes, tum_bytes
 from pointkit.errors import InputError
 from pointkit.lidar.return_table import read_return_table
+from puck import CodingOptions, compress
 from puckbench.cli import main
 from puckbench.planning.config import checked
 from puckbench.planning.plan import Plan
@@ -271,6 +273,49 @@ def test_clouds_of_bags_are_planned_in_metres_ten_of_them() -> None:
     assert few == ["drive_0000", "drive_0024"]
 
 
+@pytest.mark.parametrize("form", ["bag", "db3", "mcap"])
+def test_a_compressed_bag_of_clouds_is_run_as_the_bag(form: str) -> None:
+    """Whether its clouds are coded as such, or by LZMA since there are few of them."""
+    for count in (3, 25):
+        bag = cloud_bag(Path(f"drive.{form}"), {"/points": [cloud(k) for k in range(count)]})
+        compress(bag, Path("small.puck"), CodingOptions(effort="fast"))
+        plain, packed = made(f"drive.{form}", limit=4), made("small.puck", limit=4)
+        scenes = packed["scene_sets"]["recorded_clouds"]
+        assert scenes["loader"] == "recorded_clouds"
+        assert packed["datasets"] == plain["datasets"]
+        assert packed["codecs"] == plain["codecs"]
+        loaded = open_scene_set("recorded_clouds", scenes["options"])
+        others = open_scene_set("recorded_clouds", {"path": f"drive.{form}"})
+        assert len(loaded.names()) == count
+        for name, other in zip(loaded.names(), others.names(), strict=True):
+            assert np.array_equal(loaded.load(name).cloud.xyz, others.load(other).cloud.xyz)
+            assert loaded.load(name).about["source"] == "small.puck"
+        bag.unlink()
+
+
+def test_copies_of_compressed_bags_are_deleted(monkeypatch: pytest.MonkeyPatch) -> None:
+    cloud_bag(Path("drive.mcap"), {"/points": [cloud(0)]})
+    compress(Path("drive.mcap"), Path("drive.puck"))
+    Path("temporary").mkdir()
+    monkeypatch.setattr("tempfile.tempdir", str(Path("temporary").absolute()))
+    scenes = open_scene_set("recorded_clouds", {"path": {"drive": "drive.puck"}})
+    scenes.load("drive_0000")
+    assert len(list(Path("temporary").iterdir())) == 1
+    del scenes
+    assert not list(Path("temporary").iterdir())
+
+
+def test_a_damaged_compressed_bag_is_left_out_in_one_line() -> None:
+    cloud_bag(Path("drive.mcap"), {"/points": [cloud(0)]})
+    compress(Path("drive.mcap"), Path("a.puck"))
+    Path("a.puck").write_bytes(Path("a.puck").read_bytes()[:-9])
+    plan = Plan(checked(made("a.puck", "drive.pcap")), check_scenes=True)
+    ((name, fault),) = plan.left_out["recordings"].items()
+    assert name == "a"
+    assert fault.startswith("a.puck: ")
+    assert "\n" not in fault
+
+
 def test_a_folder_of_both_kinds_of_bags_is_divided() -> None:
     Path("bags").mkdir()
     cloud_bag(Path("bags/clouds.bag"), {"/points": [cloud(0)]})
@@ -440,6 +485,38 @@ def test_a_fault_is_one_line_before_anything_runs(
     assert not Path("out/config.yaml").exists()
 
 
+def test_turns_with_poses_are_also_a_drive() -> None:
+    times = np.arange(1.6e9 - 1, 1.6e9 + 5)
+    Path("way.tum").write_bytes(tum_bytes(times, np.tile(np.eye(4), (len(times), 1, 1))))
+    config = made("drive.pcap", codecs=("puck",), poses="way.tum", limit=5, rates=("10mm",))
+    flow = Workflow(config, check_scenes=True)
+    entry = flow.drives.entries["drive"]
+    assert entry.clouds == {"drive": tuple(f"drive_{turn:04d}" for turn in range(1, 6))}
+    assert entry.rates == {"puck": ("10mm",)}
+    step = flow.step("drive_of_clouds", drives="drive", drive="drive").step
+    assert step.poses == "way.tum"
+    assert flow.plan.datasets["recordings"].clouds
+
+
+def test_frames_with_poses_are_a_drive_in_metres(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["export", "drive.pcap", "frames", "--format", "pcd"]) == 0
+    count = len(list(Path("frames").glob("*.pcd")))
+    Path("way.txt").write_bytes(kitti_bytes(np.tile(np.eye(4), (count, 1, 1))))
+    config = made("frames", poses="way.txt")
+    assert config["datasets"]["clouds"]["size"] == "metric"
+    flow = Workflow(config, check_scenes=True)
+    assert flow.drives.entries["drive"].clouds["drive"][:2] == ("000000", "000001")
+    for words, fault in (
+        (["mine/box.ply", "--poses", "way.txt"], "--poses: only for the turns of recordings"),
+        (["frames", "--poses", "none.tum"], "none.tum: no such file"),
+        (["frames", "--poses", "mine/b.xyz"], "mine/b.xyz: no poses: lines have 8 numbers"),
+    ):
+        capsys.readouterr()
+        assert main(["run", *words, "--out", "new"]) == 2
+        assert fault in capsys.readouterr().err
+        assert not Path("new/config.yaml").exists()
+
+
 def test_a_table_of_capture_is_coded_turn_by_turn_in_metres() -> None:
     assert main(["capture", "drive.pcap", "mine/returns.parquet"]) == 0
     table = read_return_table(Path("mine/returns.parquet"))
@@ -451,13 +528,20 @@ def test_a_table_of_capture_is_coded_turn_by_turn_in_metres() -> None:
     assert config["unused"]["capture_tables"].endswith("clouds are coded (--limit)")
     (name, *_) = config["scene_sets"]["capture_tables"]["select"]
     assert name == "returns_0001"  # the first turn is cut off
-    cloud = open_scene_set("capture_tables", {"path": "mine"}).load(name).cloud
-    turn = table.select(table["turn"] == 1)
+    scene = open_scene_set("capture_tables", {"path": "mine"}).load(name)
+    turn, cloud = table.select(table["turn"] == 1), scene.cloud
     assert cloud is not None
+    assert scene.time_s == turn["timestamp"].min()
     assert np.array_equal(cloud.xyz, np.column_stack([turn[axis] for axis in "xyz"]))
     assert np.array_equal(cloud.fields["reflectivity"], turn["reflectivity"])
     with pytest.raises(InputError, match=r"codec puck: .*returns"):
         made("mine/returns.parquet", codecs=("puck",))
+    both = made("mine/returns.parquet", codecs=("draco", "puck"))
+    assert list(both["codecs"]) == ["draco"]
+    assert "returns" in both["unused"]["codec puck"]
+    assert "\n" not in both["unused"]["codec puck"]
+    with pytest.raises(InputError, match=r"codec puck: .*returns"):
+        made("mine/returns.parquet", codecs=("draco", "puck"), strict=True)
 
 
 def test_other_tables_are_left_out() -> None:

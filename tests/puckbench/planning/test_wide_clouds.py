@@ -87,12 +87,19 @@ def test_a_strict_run_stops_at_a_wide_cloud() -> None:
 def test_a_codec_that_no_cloud_is_narrow_enough_for_is_one_line(
     capsys: pytest.CaptureFixture[str],
 ) -> None:
-    words = ["--frame", "metric", "--codecs", "draco", "gpcc", "--rates", "2mm", "1mm"]
+    words = ["--frame", "metric", "--codecs", "gpcc", "--rates", "2mm", "1mm"]
     assert main(["run", "wide.npy", *words]) == 2
     assert capsys.readouterr().err.splitlines()[-1] == (
         "puckbench: codec gpcc: every cloud is too wide for its rates: "
         "crop it, or take a coarser rate"
     )
+
+
+def test_a_codec_that_no_cloud_is_narrow_enough_for_does_not_end_the_run_of_another() -> None:
+    options: dict = {"frame": "metric", "rates": ("2mm", "1mm")}
+    config = UserRun(("wide.npy",), ("draco", "gpcc"), "out", **options).configuration()
+    assert list(config["codecs"]) == ["draco"]
+    assert config["unused"]["codec gpcc"].startswith("every cloud is too wide for its rates")
 
 
 def test_the_extent_of_a_sampled_mesh_is_known_too() -> None:

@@ -43,6 +43,30 @@ def test_a_pcd_becomes_a_las_file_with_all_its_fields() -> None:
     assert list(las.point_format.extra_dimension_names) == ["range"]
 
 
+@pytest.mark.parametrize("suffix", ["las", "laz"])
+@pytest.mark.parametrize("has_colours", [False, True])
+@pytest.mark.parametrize("largest", [31, 32, 255, 256])
+def test_classes_above_31_are_those_of_the_file(
+    largest: int, has_colours: bool, suffix: str
+) -> None:
+    """Point formats 0 to 5 have 5 bits for them, formats 6 and 7 of LAS 1.4 have 8."""
+    classes = np.append(np.arange(39) % 31, largest).astype(np.float32)
+    columns = {"classification": classes, "return_number": np.arange(40) % 7 + 1}
+    if has_colours:
+        columns |= {name: np.arange(40, dtype=np.uint8) for name in ("red", "green", "blue")}
+    write_csv("x.csv", {**dict(zip("xyz", XYZ.T, strict=True)), **columns})
+    _done("export", "x.csv", f"out.{suffix}")
+    las = laspy.read(f"out.{suffix}")
+    is_wide = 31 < largest < 256
+    assert las.point_format.id == {False: (1, 3), True: (6, 7)}[is_wide][has_colours]
+    assert las.header.version.minor == (4 if is_wide else 2)
+    name = "classification" if largest < 256 else "classification_"
+    assert np.array_equal(las[name], classes)
+    assert np.array_equal(las.return_number, columns["return_number"])
+    assert np.abs(las.xyz - XYZ).max() < 1e-4
+    assert not [*las.point_format.extra_dimension_names][largest == 256 :]
+
+
 @pytest.mark.parametrize("suffix", ["ply", "pcd", "csv", "las", "laz"])
 def test_attributes_remain_in_every_format_that_has_a_place_for_them(suffix: str) -> None:
     colours = RANDOM.integers(0, 256, (40, 3), np.uint8)

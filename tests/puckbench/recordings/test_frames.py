@@ -9,17 +9,23 @@ import pytest
 
 from cloud_files.clouds import read_cloud
 from cloud_files.pcd import read_pcd
-from cloud_files.poses import read_poses, read_times
+from cloud_files.poses import kitti_bytes, read_poses, read_times, tum_bytes
+from pointkit.errors import InputError
 from pointkit.lidar.return_table import read_return_table
 from pointkit.lidar.sensors import load_sensor
 from puck.recordings.packet_turns import returns_of_packets
 from puckbench.cli import main
+from puckbench.planning.user_files import UserRun
 from puckbench.recordings import message_returns
+from puckbench.scene_sets.registry import open_scene_set
 from tests.puckbench.cli.test_round_trips import _done
 from tests.support.cloud_turns import STAMP_S, TURN_S, bag, turns
 from tests.support.sensor_scenes import ROOM, room
 from tests.support.spinning import pcap, rows, spin
 from virtual_lidar import open_error_model, open_sweep, scan, write_scan
+
+BEGUN_S = 1.6e9
+"""When the capture's first packet was received, as `pcap` has it."""
 
 
 @pytest.fixture(autouse=True)
@@ -87,7 +93,7 @@ def test_messages_are_frames_at_their_first_point(
     bag(Path("drive.mcap"), clouds)
     row = _done("export", "drive.mcap", "frames", "--format", "pcd")
     assert row["frames"] == 4
-    assert "frames: left out 1 frames without a point" in capsys.readouterr().err
+    assert "frames: left out 1 frame without a point\n" in capsys.readouterr().err
     steps = np.array([0, 1, 2, 4]) * TURN_S
     assert read_times(Path("frames/times.txt")) == pytest.approx(STAMP_S + steps, abs=1e-5)
     last = read_pcd(Path("frames/000003.pcd"))
@@ -95,6 +101,57 @@ def test_messages_are_frames_at_their_first_point(
         assert np.array_equal(last[name], clouds[4][name].astype(last[name].dtype))
     assert last["time"].min() == 0
     assert last["time"].max() == pytest.approx(TURN_S * 63 / 64, abs=1e-6)
+
+
+def test_frames_of_a_recording_have_the_poses_of_a_file() -> None:
+    """The sensor goes forward at 2 m/s; the file has a pose every 20 ms, or one for each frame."""
+    _done("export", "drive.pcap", "plain", "--format", "bin")
+    seconds = read_times(Path("plain/times.txt"))
+    times = BEGUN_S - 0.1 + 0.02 * np.arange(50)
+    moved = np.tile(np.eye(4), (len(times), 1, 1))
+    moved[:, 1, 3] = 2 * (times - BEGUN_S)
+    Path("way.tum").write_bytes(tum_bytes(times, moved))
+    _done("export", "drive.pcap", "frames", "--format", "bin", "--poses", "way.tum")
+    _, poses = read_poses(Path("frames/poses.txt"))
+    assert poses[:, 1, 3] == pytest.approx(2 * seconds, abs=1e-5)
+    assert np.array_equal(poses[:, :3, :3], np.tile(np.eye(3), (len(seconds), 1, 1)))
+    again, _ = read_poses(Path("frames/poses.tum"))
+    assert again == pytest.approx(seconds, abs=1e-6)
+    Path("one.txt").write_bytes(kitti_bytes(moved[: len(seconds)]))
+    _done("export", "drive.pcap", "others", "--format", "bin", "--poses", "one.txt")
+    assert np.allclose(read_poses(Path("others/poses.txt"))[1], moved[: len(seconds)])
+
+
+def test_messages_and_tables_have_the_poses_of_a_file() -> None:
+    bag(Path("drive.mcap"), turns(5))
+    times = STAMP_S + TURN_S * np.arange(-1, 7)
+    moved = np.tile(np.eye(4), (len(times), 1, 1))
+    moved[:, 0, 3] = np.arange(-1, 7)
+    Path("way.tum").write_bytes(tum_bytes(times, moved))
+    _done("export", "drive.mcap", "a", "--format", "pcd", "--poses", "way.tum")
+    assert read_poses(Path("a/poses.txt"))[1][:, 0, 3] == pytest.approx(np.arange(5), abs=1e-5)
+    _done("capture", "drive.mcap", "returns.parquet", "--sensor", "vlp16")
+    Path("way.tum").write_bytes(tum_bytes(times - STAMP_S, moved))  # as the times of the table
+    _done("export", "returns.parquet", "b", "--format", "pcd", "--poses", "way.tum")
+    assert read_poses(Path("b/poses.txt"))[1][:, 0, 3] == pytest.approx(np.arange(5), abs=1e-5)
+
+
+def test_times_and_poses_of_a_folder_are_no_clouds() -> None:
+    bag(Path("drive.mcap"), turns(3))
+    Path("way.txt").write_bytes(kitti_bytes(np.tile(np.eye(4), (3, 1, 1))))
+    _done("export", "drive.mcap", "frames", "--format", "pcd", "--poses", "way.txt")
+    assert {path.suffix for path in Path("frames").iterdir()} == {".pcd", ".txt", ".tum"}
+    config = UserRun(("frames",), ("draco",), "out").configuration()
+    assert "unused" not in config or not any("txt" in name for name in config["unused"])
+    scenes = open_scene_set("point_clouds", {"path": "frames"})
+    assert scenes.names() == ["000000", "000001", "000002"]
+    seconds = [scenes.load(name).time_s for name in scenes.names()]
+    assert seconds == pytest.approx(STAMP_S + TURN_S * np.arange(3), abs=1e-5)
+    assert [path.name for path in scenes.files("000001")] == ["000001.pcd", "times.txt"]
+    Path("frames/times.txt").write_text("0\n1\n")
+    again = open_scene_set("point_clouds", {"path": "frames"})
+    with pytest.raises(InputError, match=r"000002.pcd: times.txt has 2 times, none for this"):
+        again.load("000002")
 
 
 def test_frames_of_a_virtual_scan_are_in_the_sensors_frame_with_its_poses() -> None:
@@ -129,6 +186,9 @@ def test_frames_of_a_virtual_scan_are_in_the_sensors_frame_with_its_poses() -> N
         (["other.ply", "new", "--format", "pcd"], "other.ply: no recording or table of turns"),
         (["drive.pcap", "new"], "new: give it a suffix, or name the format"),
         (["none.pcap", "new", "--format", "pcd"], "none.pcap: no such file"),
+        (["drive.pcap", "new.pcd", "--poses", "a.tum"], "--poses: only with --format"),
+        (["drive.pcap", "new", "--format", "pcd", "--poses", "none.tum"], "none.tum: no such"),
+        (["drive.pcap", "new", "--format", "pcd", "--poses", "far.tum"], "far.tum: 3 poses for"),
     ],
 )
 def test_bad_input_is_one_line_and_nothing_is_written(
@@ -136,6 +196,7 @@ def test_bad_input_is_one_line_and_nothing_is_written(
 ) -> None:
     Path("full").mkdir()
     Path("full/a.txt").touch()
+    Path("far.tum").write_bytes(tum_bytes(np.arange(3.0), np.tile(np.eye(4), (3, 1, 1))))
     before = {path: path.stat().st_size for path in Path().rglob("*")}
     assert main(["export", *words]) == 2
     error = capsys.readouterr().err

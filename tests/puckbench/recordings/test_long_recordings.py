@@ -11,10 +11,15 @@ import pytest
 
 from pointkit.errors import InputError
 from pointkit.lidar.returns import Returns
+from pointkit.lidar.sensors import load_sensor
 from puck import CodingOptions, compress
+from puck.packet_kinds import VELODYNE
+from puck.recordings.packets import PACKET
+from puck.turn_packets import TurnIndex
 from puckbench.recordings import long_recordings, reading
 from puckbench.scene_sets.registry import open_scene_set
 from puckbench.scene_sets.selected_turns import read_selected_turns
+from tests.puckbench.recordings.test_unit_calibration import status
 from tests.support.ouster import capture, images, metadata, packets
 from tests.support.spinning import DUAL, HDL32E, HDL64E, STRONGEST, pcap, rows, spin
 
@@ -44,6 +49,49 @@ IN_PARTS = ("vlp16", "hdl32e, two returns")
 
 
 @pytest.mark.parametrize("suffix", [".pcap", ".puck"])
+@pytest.mark.parametrize("pause", [0, 3])
+def test_turns_know_when_they_began(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, suffix: str, pause: int
+) -> None:
+    """The hour of the sensor's clock begins anew, and other datagrams come first."""
+    packets = rows(spin(packets=120))
+    (tmp_path / "a.pcap").write_bytes(pcap([b"other" * 20] * pause + packets))
+    compress(tmp_path / "a.pcap", tmp_path / "a.puck", CodingOptions(effort="fast", key_every=2))
+    options = {"path": str(tmp_path / f"a{suffix}")}
+
+    def times() -> list[float | None]:
+        loader = open_scene_set("recordings", options)
+        return [loader.load(name).time_s for name in loader.names()]
+
+    expected = times()
+    monkeypatch.setattr(long_recordings, "_LONG_BYTES", 0)
+    monkeypatch.setattr(reading, "read_packets", None)
+    assert times() == pytest.approx(expected, abs=1e-6)
+
+
+def test_hours_of_the_sensors_clock_are_counted() -> None:
+    """Turn 72,000 of a sensor at 10 Hz begins two hours after the first."""
+    packets = spin(packets=75)
+
+    class Index(TurnIndex):
+        count = 80_000
+
+        def start(self) -> bytes:
+            return pcap(rows(packets))
+
+        def packets(self, first: int, end: int) -> list[np.ndarray]:
+            return [packets]
+
+    clock = packets.copy().view(PACKET)
+    first_us = clock["time_us"][0, 0].astype(np.int64)
+    since_us = 7_200_000_000 + np.rint(np.arange(75) * 1e5 / 75).astype(np.int64)
+    clock["time_us"][:, 0] = (first_us + since_us) % 3_600_000_000
+    index = Index(Path("a.pcap"), next(VELODYNE.split_turns(packets))[0], b"")
+    began = long_recordings._begun_s(index, 72_000, clock.view(np.uint8))
+    assert began == pytest.approx(1.6e9 + 7200, abs=1e-3)
+
+
+@pytest.mark.parametrize("suffix", [".pcap", ".puck"])
 @pytest.mark.parametrize("name", recordings())
 def test_turns_are_the_same(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, name: str, suffix: str
@@ -70,6 +118,21 @@ def test_turns_are_the_same(
     if name in IN_PARTS:
         monkeypatch.setattr(reading, "read_packets", None)
         read_selected_turns(path, (2, 4))
+
+
+def test_an_hdl64e_is_calibrated_by_its_first_packets(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    packets = spin(HDL64E, STRONGEST, packets=4400)
+    packets[:, -2:] = status(load_sensor("hdl64e_s3"), len(packets), first=0)
+    (tmp_path / "a.pcap").write_bytes(pcap(rows(packets)))
+    expected = [read_selected_turns(tmp_path / "a.pcap", turns)[0] for turns in (None, (90, 91))]
+    monkeypatch.setattr(long_recordings, "_LONG_BYTES", 0)
+    monkeypatch.setattr(reading, "read_packets", None)
+    for turns, whole in zip((None, (90, 91)), expected, strict=True):
+        some, _ = read_selected_turns(tmp_path / "a.pcap", turns)
+        assert some.beams == whole.beams
+        assert_same(some, whole)
 
 
 @pytest.mark.parametrize("suffix", [".pcap", ".puck"])

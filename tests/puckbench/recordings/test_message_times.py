@@ -242,6 +242,18 @@ def test_messages_out_of_order_lost_or_of_a_clock_that_leaps_are_told(
     assert told.startswith(f"{tmp_path / 'a.bag'}: topic /points: {line}")
 
 
+@pytest.mark.parametrize("absolute", [False, True])
+def test_a_message_without_a_point_is_no_gap(
+    absolute: bool, tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    time = (lambda since, begin: BOOT_S + begin + since) if absolute else None
+    clouds = turns(5, kind="<f8", **({"time": time} if time else {}))
+    clouds[2] = clouds[2][:0]
+    read(tmp_path / "a.bag", clouds)
+    (line,) = caplog.messages
+    assert line.endswith("/points: left out 1 message without a point")
+
+
 def test_stamps_do_not_matter_where_points_have_absolute_times(
     tmp_path: Path, caplog: pytest.LogCaptureFixture
 ) -> None:

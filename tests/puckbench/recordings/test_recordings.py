@@ -218,6 +218,7 @@ def test_an_interval_begins_with_its_start_and_ends_before_its_end(
     if form == "pcap":  # whole packets
         inside = np.isin(np.arange(len(whole)) // (24 * 15), [2, 3])
     assert some["distance"].tolist() == whole["distance"][inside].tolist()
+    assert some["timestamp"] == pytest.approx(whole["timestamp"][inside], abs=1e-9)
     assert some.about["source"] == path.name
 
 
