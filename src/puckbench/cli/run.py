@@ -77,8 +77,8 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     )
     add("--limit", type=integer(1), help=text)
     text = (
-        "poses of the sensor (TUM, KITTI): consecutive turns, or frames of a folder, are also a drive "
-        "on which odometry runs (at most 100 of them, or --limit)"
+        "poses of the sensor (TUM, KITTI): consecutive turns, or frames of a folder, are also a "
+        "drive on which odometry runs (at most 100 of them, or --limit)"
     )
     add("--poses", metavar="FILE", help=text)
     add("--topic", help="topic to read in ROS bags with several topics")

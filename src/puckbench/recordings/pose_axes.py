@@ -26,10 +26,10 @@ _NEAR_M, _FAR_M = 1.5, 40.0
 """Horizontal distances, in m, between which points tell something."""
 _ABOVE_GROUND_M, _GROUND_SHARE = 0.4, 0.05
 _STEP_DEG = 5
-_LIKE_DEG = 10
-"""Largest angle, in degrees, between axes that count as the same."""
+_LIKE_DEG, _UNLIKE_DEG = 10, 45
+"""Largest angle, in degrees, between axes that count as the same, and least between others."""
 _CLEAR = 0.7
-"""Largest distance between walls, as a share of the median over all angles, that is clear."""
+"""Largest distance between walls, as a share of the least one with other axes, that is clear."""
 
 
 class AxesOfPoses(NamedTuple):
@@ -118,10 +118,9 @@ def axes_of_poses(
     degrees = np.arange(-180 + _STEP_DEG, 181, _STEP_DEG)
     turns = np.array([turned_about_z(float(angle)) for angle in degrees])
     apart = np.sum([_walls_apart(poses, walls, pair, turns) for pair in usable], axis=0)
-    best, usual = int(np.argmin(apart)), float(np.median(apart))
-    if apart[np.argmin(np.abs(degrees))] <= _CLEAR * usual and abs(degrees[best]) <= _LIKE_DEG:
-        return AxesOfPoses(0.0)
-    if apart[best] > _CLEAR * usual:
+    best = int(np.argmin(apart))
+    is_other = np.abs((degrees - degrees[best] + 180) % 360 - 180) >= _UNLIKE_DEG
+    if apart[best] > _CLEAR * apart[is_other].min():
         return AxesOfPoses(None)
     angle = float(degrees[best])
     right = 90.0 * round(angle / 90)
@@ -180,9 +179,7 @@ def in_axes_of_turns(
     if angle is None:
         remark = "the turns do not show whether its axes are theirs"
     elif angle % 90:
-        remark = (
-            f"its axes are about {angle:g} degrees about z off those of the turns, and are kept"
-        )
+        remark = f"its axes are about {angle:g} degrees about z off those of the turns, and kept"
     else:
         of_ros = "ROS's axes (x forward)" if angle == -90 else "other axes"
         remark = f"converted from {of_ros}, by {angle:g} degrees about z"

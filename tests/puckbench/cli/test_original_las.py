@@ -64,11 +64,8 @@ def test_every_point_format_comes_back(number: int, version: str, suffix: str) -
     _points(header, _steps()).write("site.las")
     stream = _coded(Path("site.las"), "gpcc", "0.1mm")
     row = _done("decode", stream, f"back.{suffix}", "--like", "site.las")
-    assert (row["attributes_by"], row["attributes_lost"], row["attributes_unknown"]) == (
-        "position",
-        0,
-        0,
-    )
+    assert row["attributes_by"] == "position"
+    assert (row["attributes_lost"], row["attributes_unknown"]) == (0, 0)
     assert _sorted("site.las") == _sorted(f"back.{suffix}")
 
 

@@ -10,6 +10,7 @@ import pytest
 
 from cloud_files.clouds import read_cloud, write_cloud
 from cloud_files.pcd import write_pcd
+from cloud_files.text import write_csv
 from pointkit.geometry.cloud import PointCloud
 from puckbench.cli import main
 from tests.puckbench.cli.test_round_trips import _done

