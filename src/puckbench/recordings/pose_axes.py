@@ -94,8 +94,8 @@ def pairs_apart(poses: Floats) -> list[tuple[int, int]]:
         second = int(far[0]) if len(far) else int(np.argmax(moved))
         if moved[second] >= _LEAST_APART_M:
             pairs.append((first, first + 1 + second))
-    chosen = np.unique(np.linspace(0, len(pairs) - 1, _PAIRS).astype(int)) if pairs else []
-    return [pairs[number] for number in chosen]
+    numbers = np.linspace(0, max(len(pairs) - 1, 0), _PAIRS).astype(int)
+    return [pairs[number] for number in np.unique(numbers) if pairs]
 
 
 def axes_of_poses(
