@@ -116,12 +116,13 @@ def _begun_s(index: TurnIndex, number: int, packets: Payloads) -> float | None:
         return None
     if isinstance(index.kind, OusterKind):
         packet = sensor_of(index.metadata, "its metadata").packet
-        return received + packet_steps(np.concatenate([first, packets[:1]]), packet)[0] * 1e-6
+        steps_us = packet_steps(np.concatenate([first, packets[:1]]), packet).tolist()
+        return float(received + steps_us[0] * 1e-6)
     since_us, *steps_us = packet_steps(np.concatenate([first, packets]), PACKET).tolist()
     if steps_us:  # the clock restarts hourly
         turn_us = sum(steps_us) * len(packets) / len(steps_us)
         since_us += HOUR_US * round((number * turn_us - since_us) / HOUR_US)
-    return received + since_us * 1e-6
+    return float(received + since_us * 1e-6)
 
 
 def _log(index: TurnIndex, payloads: Payloads) -> PacketLog | None:

@@ -287,7 +287,8 @@ def _fitted(columns: Columns, label: str) -> tuple[Columns, Sensor, dict[str, An
     rest = {each: values[fitted.is_used] for each, values in columns.items() if each not in LASERS}
     rest["ring"] = fitted.ranks[fitted.is_used]
     about = fitted.about()
-    if left_out := about.get("points_left_out"):
+    left_out = about.get("points_left_out")
+    if isinstance(left_out, int) and left_out:
         points = counted(left_out, "point")
         _log.warning("%s: left out %s of lasers with few points", label, points)
     return rest, fitted.sensor, about
