@@ -5,6 +5,7 @@ returns, in Markdown.
 """
 
 import dataclasses
+import math
 import re
 import subprocess
 import sys
@@ -148,6 +149,63 @@ def _html_table(heads: Sequence[str], rows: Iterable[Sequence[tuple[str, str]]])
         f'<table class="docutils ranking">\n<thead><tr>{head}</tr></thead>\n'
         f"<tbody>\n{body}\n</tbody></table>"
     )
+
+
+def published() -> str:
+    """The sources of published numbers, and the BD-rates that they print, computed again."""
+    from puckbench.published_sources.registry import all_sources
+
+    return "\n\n".join(map(_source, all_sources()))
+
+
+def _source(source: Any) -> str:
+    """A source of published numbers: what it has, and whether its BD-rates come out again."""
+    from puckbench.published_sources.bd_rates import checked_bd_rates, repeated_curves
+
+    rows = source.rows
+    curves = rows[["dataset", "cloud", "codec", "codec_version", "measure"]].drop_duplicates()
+    names = ", ".join(f"`{name}`" for name in sorted(set(rows["dataset"])))
+    facts = f"{source.address} ({source.licence}); {len(rows):,} numbers, {len(curves):,} curves"
+    same = repeated_curves(source)[["codec", "cloud", "same_as"]].drop_duplicates()
+    pairs = [f"{codec}, {cloud} and {other}" for codec, cloud, other in same.to_numpy()]
+    parts = [
+        f"## {source.title} (`{source.name}`)",
+        " ".join(filter(None, [_first_sentence(source.read), f"{facts}.", source.remark])),
+        f"Data sets: {names}.",
+        _checked_bd_rates(checked_bd_rates(source).to_dict("records"), source.interpolation),
+        f"Clouds with the same curve, number for number: {'; '.join(pairs)}." if pairs else "",
+    ]
+    return "\n\n".join(filter(None, parts))
+
+
+def _checked_bd_rates(rows: Sequence[Mapping[str, Any]], interpolation: str) -> str:
+    """Printed BD-rates beside those computed from the source's own curves."""
+    if not rows:
+        return ""
+    equal = sum(row["difference"] == 0 for row in rows)
+    method = interpolation or "PCHIP, since it names none"
+    text = f"Of {len(rows)} printed BD-rates, {equal} come out again to the printed digit from the "
+    text += f"curves of the source, by its interpolation ({method})."
+    without = sum(math.isnan(row["again"]) for row in rows)
+    text += f" Of {without}, the source has no curve." if without else ""
+    heads = ["cloud", "codec", "against", "metric, rates", "printed", "again", "difference"]
+    lines = [
+        (
+            f"{row['dataset']}, {row['cloud']}",
+            row["codec"],
+            row["anchor"],
+            f"{row['measure'].removeprefix('bd_rate_').upper()}, {row['rate']}",
+            *(_percent(row[name], "") for name in ("printed", "again")),
+            _percent(row["difference"], "") if row["difference"] else "",
+            _percent(row["pchip"], row["status"]),
+        )
+        for row in rows
+    ]
+    return f"{text}\n\n{_table([*heads, 'PCHIP'], lines)}"
+
+
+def _percent(value: float, otherwise: str) -> str:
+    return otherwise if math.isnan(value) else f"{round(value, 3):g} %"
 
 
 def command_line() -> str:
@@ -411,6 +469,7 @@ SHOWN = (
     tables,
     figures,
     results,
+    published,
     packages,
 )
 GENERATED: dict[str, Callable[[], str]] = {function.__name__: function for function in SHOWN}

@@ -35,22 +35,51 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     add("results", type=Path, help="folder of results of a run, or its bundle (.zip)")
     names = ", ".join(shipped_studies())
     text = f"study ({names}), bundle (.zip), or .parquet file of reference results"
-    add("--with", dest="study", required=True, metavar="STUDY", help=text)
-    text = "codecs of the run (default: those that STUDY lacks)"
+    add("--with", dest="study", metavar="STUDY", help=text)
+    text = "published numbers (see --as), with their conditions and how these differ"
+    add("--published", action="store_true", help=text)
+    text = "name of a data set of the run, and of the published one that it is, such as turns=KITTI"
+    add("--as", dest="known_as", nargs="+", default=[], metavar="DATASET=NAME", help=text)
+    text = "published sources, or your own CSV files of such numbers (default: all sources)"
+    add("--sources", nargs="+", default=[], help=text)
+    text = "codecs of the run (default: those that STUDY lacks; with --published all)"
     add("--codecs", nargs="+", default=[], help=text)
-    add("--metrics", nargs="+", default=[], help="columns of the results (default: those of STUDY)")
+    add(
+        "--metrics",
+        nargs="+",
+        default=[],
+        help="columns of the results (default: those of STUDY, or all)",
+    )
     add("--common", action="store_true", help="leave out clouds that STUDY lacks")
     text = "folder of the figure and table (default: RESULTS/comparison; of a bundle: comparison)"
     add("--out", type=Path, help=text)
 
 
 def run(options: argparse.Namespace) -> dict[str, Any] | str:
-    """Compare a run with a study, write the figure and the BD-rates, and return what was found.
+    """Compare a run with a study or with published numbers, and return what was found.
+
+    It also writes a figure and tables.
 
     The answer is text or, with ``--json``, a mapping of values.
     """
+    _check_options(options)
+    if options.published:
+        from puckbench.cli.published import published_answer, published_text
+
+        answer = published_answer(options, *_own_results(options.results))
+        return answer if options.json else published_text(answer)
     answer = _compared(options)
     return answer if options.json else text(answer)
+
+
+def _check_options(options: argparse.Namespace) -> None:
+    if (options.study is None) != options.published:
+        raise InputError("one of --with STUDY and --published is needed, and only one")
+    if options.published and options.common:
+        raise InputError("--common is for --with, not for --published")
+    for option, values in (("--as", options.known_as), ("--sources", options.sources)):
+        if values and not options.published:
+            raise InputError(f"{option} is for --published, not for --with")
 
 
 def _compared(options: argparse.Namespace) -> dict[str, Any]:

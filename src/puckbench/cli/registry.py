@@ -38,7 +38,7 @@ _HELP = {
     "recovery": "compare a stream's geometric primitives with the labels of the scene",
     "table": "make a table from other tables of a run",
     "figure": "draw a figure from the tables of a run",
-    "compare": "compare codecs of a run with reference results on the same clouds",
+    "compare": "compare codecs of a run with reference results, or with published numbers",
     "bundle": "write a run as one file to publish, which others can check and repeat",
     "verify": "check a published bundle, and repeat its run",
     "report": "write one HTML file with a run's figures, tables, curves and clouds",

@@ -114,6 +114,11 @@ class DataSetConfig(Sensing, SamplingSettings, PreparationSettings, MeasuringSet
         description="Several such seeds, each for a cloud of every scene, named `SCENE-SEED`; "
         "deltas, `noise_bits` and `nearest_truth` average over the seeds of a scene first.",
     )
+    published: str | None = Field(
+        None,
+        description="Name of this data set in published numbers, such as `KITTI`: the run then has "
+        "the table `published`, and the report a section with the published curves beside its own.",
+    )
     truth: bool = Field(
         True,
         description="Measure decoded clouds also against the true surface (`truth_...`) and, for "

@@ -45,6 +45,9 @@ OCTREE_AND_OTHERS = "octree"
 """Requirement: the codec ``gpcc`` and another codec on clouds in metres."""
 
 
+PUBLISHED = "published"
+"""Requirement: a data set of which the configuration gives the published name."""
+
 UNDECODED = "undecoded"
 """Value of ``codec`` for drives that were not coded."""
 

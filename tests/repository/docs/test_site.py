@@ -58,6 +58,7 @@ def test_the_reference_knows_the_commands_codecs_and_functions(site: Path) -> No
         "python": ("puckbench.library.compare", "puckbench.codecs.base.Codec"),
         "configuration": ("error_options", "sensor_study"),
         "results": ("Reference results", *shipped_studies()),
+        "published": ("SparsePCGC", "86 come out again to the printed digit", "-13.377 %"),
     }.items():
         text = (site / "reference" / f"{name}.html").read_text(encoding="utf-8")
         assert all(word in text for word in words), name

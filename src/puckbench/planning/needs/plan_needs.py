@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from pointkit.errors import InputError, among
 from puckbench.codecs.base import Codec
 from puckbench.codecs.rates import rates_of
 from puckbench.geometry.attributes import RETURNS
@@ -81,6 +82,30 @@ def several_noises(plan: Plan) -> Options | None:
     data = _true_spins(plan)
     models = {(each.scene_set, each.settings.errors) for each in data}
     return _if(len(models) > len({each.scene_set for each in data}))
+
+
+@NEEDS.register("published")
+def published_datasets(plan: Plan) -> Options | None:
+    """Require that a coded data set has the key ``published``, and the run uses no stand-ins.
+
+    Tables get the names of the published data sets.
+    """
+    from puckbench.published_sources.beside import published_names
+    from puckbench.published_sources.registry import all_sources
+
+    chosen = {
+        name: data.settings.published
+        for name, data in plan.datasets.items()
+        if data.settings.published and data in plan.coded
+    }
+    if not chosen or plan.config.stand_in:
+        return None
+    names = published_names(all_sources())
+    for dataset, name in chosen.items():
+        if name not in names:
+            where = f"datasets.{dataset}.published"
+            raise InputError(f"{where}: no published data set '{name}'{among(name, names)}")
+    return {"datasets": chosen}
 
 
 def _true_spins(plan: Plan) -> list[DataSetPlan]:

@@ -1,0 +1,1 @@
+"""Numbers that others published, with the conditions under which they hold."""
