@@ -21,6 +21,7 @@ from pointkit.yaml_files import yaml_text
 from puckbench.codecs.base import CloudKind
 from puckbench.codecs.coding import skip_reason, why_not_here
 from puckbench.codecs.rates import (
+    budget_of,
     check_lengths,
     find_rate,
     is_length,
@@ -394,7 +395,9 @@ class UserRun:
             return rates
         is_metric, opened = frame == "metric", plan.opened[codec]
         names = [
-            rate for rate in self.rates if rate in rates or (is_metric and is_length(opened, rate))
+            rate
+            for rate in self.rates
+            if rate in rates or (is_metric and is_length(opened, rate)) or budget_of(opened, rate)
         ]
         changes = {**plan.config.codec(codec), _KEYS[frame]: names}
         return tuple(rates_of(open_codec(codec, changes), frame)) if names else ()
@@ -506,9 +509,9 @@ def _check_width(plan: Plan, codec: str, frame: CoordinateFrame, rates: Sequence
         if plan.codes(codec, name)
         for cloud in plan.datasets[name].clouds
     ]
-    skip = plan.opened[codec].skip
+    opened = plan.opened[codec]
     narrowest = CloudKind(frame, True, True, min(extents, default=0.0))
-    if extents and rates and all(skip(narrowest, rate) for rate in rates):
+    if extents and rates and all(skip_reason(opened, narrowest, rate) for rate in rates):
         raise InputError(f"codec {codec}: every cloud is too wide for its rates{NARROWER}")
 
 

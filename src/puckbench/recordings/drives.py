@@ -126,6 +126,12 @@ class Drive:
             poses[:, axis, 3] = np.interp(times, self.pose_times, self.poses[:, axis, 3])
         return poses
 
+    @property
+    def seconds(self) -> float:
+        """Duration of all turns, in s."""
+        steps = np.diff(self.starts)
+        return float(self.starts[-1] - self.starts[0] + (self.turn_s or np.median(steps)))
+
     @cached_property
     def points(self) -> int:
         """Total number of points in all turns."""
