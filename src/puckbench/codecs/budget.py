@@ -2,9 +2,10 @@
 
 A codec whose rates have a step as their only parameter gets the step at which a stream takes 98 to
 100 % of the budget. It is found by the secant method, and each of its probes is an encoding. The
-search is in the logarithm of the step, and in the height log(2^(b/2) - 1) of the number b of bits
-per point. This height is nearly linear: with fine steps each halving adds a constant number of
-bits, and with coarse steps it multiplies them.
+search is in the logarithm of the step, and in the height log(2^(b/m) - 1) of the number b of bits
+per point, where m is the number of quantised coordinates: three of a point, one of a return. This
+height is nearly linear: where steps are fine, each halving adds a bit to a coordinate, and where
+they are coarse, it multiplies the bits.
 
 Any other codec gets the largest of its rates that the budget allows.
 """
@@ -169,6 +170,11 @@ class _Steps(NamedTuple):
     unit: float | None
     is_metric: bool
 
+    @property
+    def coordinates(self) -> int:
+        """Number of quantised coordinates of a point: the steps of ranges are multiples."""
+        return 3 if self.unit is None else 1
+
     def rate(self, step: float) -> _Rate:
         if self.is_metric:
             return _length(step)
@@ -204,7 +210,7 @@ def _search(probes: _Probes, steps: _Steps, points: int) -> None:
     """Probe steps by the Illinois method until one meets the budget, or none is left to try."""
 
     def height(amount: float) -> float:
-        bits = amount * probes.bits_per_unit / points * math.log(2) / 2
+        bits = amount * probes.bits_per_unit / points * math.log(2) / steps.coordinates
         return bits + math.log(-math.expm1(-bits))
 
     goal = height((1 - TOLERANCE / 2) * probes.budget.amount)

@@ -131,11 +131,10 @@ class Drives:
         `name` is the drive's entry in the configuration.
         """
         rates = max(map(len, self.entries[name].rates.values()), default=1)
-        if any(
-            budget_of(self.plan.opened[codec], rate) for rate in self.entries[name].rates[codec]
-        ):
-            rates *= MOST_PROBES
-        return {"memory_mb": 2 * self.costs.memory_mb(codec), "minutes": 10 + int(5 * rates)}
+        opened, own = self.plan.opened[codec], self.entries[name].rates[codec]
+        probes = MOST_PROBES if any(budget_of(opened, rate) for rate in own) else 1
+        minutes = 10 + int(5 * rates * probes)
+        return {"memory_mb": 2 * self.costs.memory_mb(codec), "minutes": minutes}
 
     def coding_entry(self, name: str, codec: str) -> dict[str, Any]:
         """Return a codec's complete entry, with only the rates at which drives are coded.

@@ -47,14 +47,12 @@ def bits_per_point(stream: bytes, cloud: PointCloud) -> float:
     return 8 * len(stream) / len(cloud)
 
 
-@pytest.mark.parametrize("bpp", [1.5, 12.0, 33.3])
+@pytest.mark.parametrize("bpp", [6.0, 24.0])
 @pytest.mark.parametrize("name", FREE)
 def test_a_free_step_meets_a_budget_within_two_percent(name: str, bpp: float) -> None:
     codec, cloud = open_codec(name), turn()
     if reason := skip_reason(codec, CloudKind.of(cloud), "10mm"):
         pytest.skip(reason)
-    if name == "draco_sequential" and bpp < 2:
-        bpp = 3.0
     found = puckbench.encoded_within(codec, cloud, bpp)
     assert 0.98 * bpp <= bits_per_point(found.stream, cloud) == found.bpp <= bpp
     assert found.encodings <= MOST_PROBES
@@ -119,17 +117,13 @@ def test_what_a_codec_cannot_reach_is_refused_with_its_range() -> None:
     assert f"from {least} (r1) to {most} (r8)" in str(fault.value)
 
 
-@pytest.mark.parametrize(("name", "finest"), [("puck", "2mm"), ("packets_xz", "2mm")])
-def test_more_bits_than_lossless_coding_needs_give_the_finest_rate(name: str, finest: str) -> None:
-    codec, cloud = open_codec(name), turn()
-    if name == "packets_xz":
-        codec.skip = lambda cloud, rate: None  # type: ignore[method-assign]
+def test_more_bits_than_lossless_coding_needs_give_the_finest_rate() -> None:
+    codec, cloud = open_codec("puck", {"options": {"effort": "fast"}}), turn()
     found = puckbench.encoded_within(codec, cloud, 500.0)
-    assert found.rate == finest
-    assert found.stream == puckbench.encoded(codec, cloud, finest)
-    assert f"its finest rate, {finest}, takes {found.bpp:.4g} bits per point of 500bpp" in str(
-        found.remark
-    )
+    assert found.rate == "2mm"
+    assert found.stream == puckbench.encoded(codec, cloud, "2mm")
+    told = f"its finest rate, 2mm, takes {found.bpp:.4g} bits per point of 500bpp"
+    assert told in str(found.remark)
 
 
 class Strange(Codec):
