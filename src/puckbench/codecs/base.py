@@ -35,9 +35,7 @@ from pointkit.geometry.mesh import Mesh
 from pointkit.measurement import NO_COST, Cost
 from pointkit.models import Model, parsed
 from puckbench.codecs.rates import (  # noqa: F401 (for codecs of users)
-    ANY_STEP,
     Parameters,
-    StepRange,
     frame_fault,
     lengths,
     parameters_of,
@@ -132,13 +130,6 @@ class Codec(ABC):
     Options: type[Model] = Model
     """Pydantic model of the codec's options; by default, there are none."""
     options: Any
-    any_scale: bool = False
-    """Whether the parameter `scale` of rates for scaled clouds may be any number above 0, by which
-    coordinates are multiplied before they are rounded. If it is their only parameter, every scale
-    is a rate."""
-    budgets: tuple[str, ...] = ()
-    """Budgets at which a run encodes instead of at `rates`, such as ``1.5bpp``, the smallest first
-    (`puckbench.codecs.budget`). An entry in the configuration names them."""
     magic: bytes = b""
     """First bytes of the codec's streams, by which `codec_of` recognises them."""
 
@@ -148,6 +139,9 @@ class Codec(ABC):
         self.name = name
         self.rates = dict(self.rates if rates is None else rates)
         self.options = parsed(self.Options, options, f"codec {name}")
+        self.budgets: tuple[str, ...] = ()
+        """Budgets at which a run encodes instead of at `rates`, such as ``1.5bpp``, the smallest
+        first (`puckbench.codecs.budget`). An entry in the configuration names them."""
 
     @property
     def version(self) -> str:
@@ -178,14 +172,6 @@ class Codec(ABC):
             Name of the rate.
         """
         return frame_fault(self, cloud.frame, rate)
-
-    def step_range(self, cloud: PointCloud) -> StepRange:
-        """Return which quantisation steps rates that are lengths may have for a cloud.
-
-        A search for the step that meets a budget of bits tries only these. By default, they are all
-        that names of rates can state.
-        """
-        return ANY_STEP
 
     def weights(self, rate: str) -> Path | None:
         """Return the file of trained weights that a rate uses, or None if it uses none.

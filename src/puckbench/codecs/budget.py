@@ -24,7 +24,14 @@ from pointkit.errors import InputError
 from pointkit.geometry.cloud import PointCloud, bounds
 from puckbench.codecs.base import CloudKind, Codec
 from puckbench.codecs.coding import skip_reason
-from puckbench.codecs.rates import Budget, Parameters, is_length, offered_rates
+from puckbench.codecs.rates import (
+    Budget,
+    Parameters,
+    is_length,
+    offered_rates,
+    step_range,
+    takes_any_scale,
+)
 
 TOLERANCE = 0.02
 """Largest share of a budget that a stream leaves unused if the step is free."""
@@ -297,13 +304,13 @@ def _free_scale(
     """Return the steps that a codec may take for clouds, or None if its rates are fixed."""
     extent = max(float(np.ptp(bounds(cloud.xyz), axis=0).max()) for cloud in clouds)
     if all({*parameters} == {"step_m"} for parameters in table.values()):
-        finest, coarsest, unit = codec.step_range(clouds[0])
+        finest, coarsest, unit = step_range(codec, clouds[0])
         finest = _finest_coded(codec, kind, finest, coarsest)
         named = [float(parameters["step_m"]) for parameters in table.values()]
         if unit is None:
             coarsest = min(coarsest, max(extent, finest, *named))
         return _Steps(finest, coarsest, math.sqrt(max(named) * min(named)), unit, True)
-    if codec.any_scale and all({*parameters} == {"scale"} for parameters in table.values()):
+    if takes_any_scale(codec) and all({*parameters} == {"scale"} for parameters in table.values()):
         named = [1 / float(parameters["scale"]) for parameters in table.values()]
         widest = max(extent / (getattr(codec.options, "unit", None) or 1.0), *named)
         return _Steps(min(named), widest, math.sqrt(max(named) * min(named)), None, False)

@@ -12,7 +12,7 @@ from collections.abc import Iterable, Mapping
 from typing import TYPE_CHECKING, Any, Literal, NamedTuple, get_args
 
 from pointkit.errors import InputError, among, naming
-from pointkit.geometry.cloud import CoordinateFrame
+from pointkit.geometry.cloud import CoordinateFrame, PointCloud
 
 if TYPE_CHECKING:
     from puckbench.codecs.base import Codec
@@ -29,7 +29,10 @@ _WORDS: Mapping[str, str] = {"bpp": "bits per point", "mbps": "Mbit/s"}
 
 
 class StepRange(NamedTuple):
-    """The quantisation steps, m, that a codec may use for a cloud (`Codec.step_range`).
+    """The quantisation steps, m, that a codec may use for a cloud.
+
+    A codec's method `step_range(cloud)` returns them to a search for the step that meets a budget
+    of bits. Without the method, they are `ANY_STEP`.
 
     Parameters
     ----------
@@ -46,6 +49,25 @@ class StepRange(NamedTuple):
 
 ANY_STEP = StepRange(_LEAST_MM / 1000, _MOST_MM / 1000)
 """The steps that names of rates can state."""
+
+
+def step_range(codec: Codec, cloud: PointCloud) -> StepRange:
+    """Return which quantisation steps the rates of a codec that are lengths may have for a cloud.
+
+    They are all that names of rates can state, unless the codec has a method `step_range`.
+    """
+    own = getattr(codec, "step_range", None)
+    steps: StepRange = ANY_STEP if own is None else own(cloud)
+    return steps
+
+
+def takes_any_scale(codec: Codec) -> bool:
+    """Return whether the parameter `scale` of a codec's rates for scaled clouds may be any number.
+
+    The codec multiplies coordinates by it before they are rounded, and says so by its attribute
+    `any_scale`.
+    """
+    return bool(getattr(codec, "any_scale", False))
 
 
 class Budget(NamedTuple):

@@ -32,6 +32,7 @@ class ReturnsCodec(Codec):
         return super().skip(cloud, rate) or (None if cloud.has_returns else _NO_RETURNS)
 
     def step_range(self, cloud: PointCloud) -> StepRange:
+        """Return the range steps of a cloud: multiples of the sensor's range unit."""
         quantum_m = returns_of(cloud).quantum_m
         return StepRange(quantum_m, _MOST_QUANTA * quantum_m, quantum_m)
 

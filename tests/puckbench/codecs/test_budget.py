@@ -22,7 +22,7 @@ from virtual_lidar import open_error_model, open_sweep, scan
 from virtual_lidar.scan_returns import returns_of_scan
 from virtual_lidar.scenes.street import make_street, street_origin
 
-FREE = ("cloudini", "draco", "draco_sequential", "gpcc", "gpcc_angular", "gpcc_no_sensor", "laz")
+FREE = ("cloudini", "draco", "draco_sequential", "gpcc", "gpcc_angular", "laz")
 OF_RETURNS = ("jpegls", "jpegxl", "puck", "puck_smoothed")
 
 
