@@ -139,9 +139,6 @@ class Codec(ABC):
         self.name = name
         self.rates = dict(self.rates if rates is None else rates)
         self.options = parsed(self.Options, options, f"codec {name}")
-        self.budgets: tuple[str, ...] = ()
-        """Budgets at which a run encodes instead of at `rates`, such as ``1.5bpp``, the smallest
-        first (`puckbench.codecs.budget`). An entry in the configuration names them."""
 
     @property
     def version(self) -> str:

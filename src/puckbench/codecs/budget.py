@@ -198,9 +198,9 @@ class _Steps(NamedTuple):
             high = (1 + self._count(self.coarsest) if coarse is None else self._count(coarse)) - 1
             count = min(max(self._count(step), low), high)
             return count * self.unit if low <= high else None
-        low = self.finest if fine is None else fine * (1 + _CLOSE / 2)
-        high = self.coarsest if coarse is None else coarse / (1 + _CLOSE / 2)
-        return min(max(step, low), high) if low <= high else None
+        least = self.finest if fine is None else fine * (1 + _CLOSE / 2)
+        most = self.coarsest if coarse is None else coarse / (1 + _CLOSE / 2)
+        return min(max(step, least), most) if least <= most else None
 
     def _count(self, step: float) -> int:
         return max(1, round(step / (self.unit or 1.0)))

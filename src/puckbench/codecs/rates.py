@@ -25,6 +25,8 @@ _MILLIMETRES = {"um": 0.001, "mm": 1, "cm": 10, "m": 1000}
 _LEAST_MM, _MOST_MM = 0.001, 100_000
 BudgetUnit = Literal["bpp", "mbps"]
 _BUDGET = re.compile(rf"(\d+\.?\d*|\.\d+)({'|'.join(get_args(BudgetUnit))})")
+_BUDGETS = "_run_at_budgets"
+"""Name of the attribute with a codec's budgets, which is no part of the contract of codecs."""
 _WORDS: Mapping[str, str] = {"bpp": "bits per point", "mbps": "Mbit/s"}
 
 
@@ -214,6 +216,20 @@ def budget_of(codec: Codec | type[Codec], rate: str) -> Budget | None:
     return Budget(amount, "bpp" if match[2] == "bpp" else "mbps")
 
 
+def budgets_of(codec: Codec) -> tuple[str, ...]:
+    """Return the budgets at which a run encodes instead of at the codec's rates, smallest first.
+
+    There are none unless an entry in the configuration names them (`set_budgets`).
+    """
+    budgets: tuple[str, ...] = vars(codec).get(_BUDGETS, ())
+    return budgets
+
+
+def set_budgets(codec: Codec, budgets: tuple[str, ...]) -> None:
+    """Let a codec run at budgets, which it meets by its rates."""
+    vars(codec)[_BUDGETS] = budgets
+
+
 def budgets_among(codec: Codec | type[Codec], rates: Iterable[str]) -> tuple[str, ...]:
     """Return the budgets among names of rates, the smallest first.
 
@@ -233,7 +249,7 @@ def rates_of(codec: Codec, frame: CoordinateFrame | None) -> dict[str, Parameter
     may be empty.
     """
     offered = offered_rates(codec, frame)
-    budgets = {name: budget_of(codec, name) for name in codec.budgets if offered}
+    budgets = {name: budget_of(codec, name) for name in budgets_of(codec) if offered}
     return {name: each.parameters for name, each in budgets.items() if each} or offered
 
 

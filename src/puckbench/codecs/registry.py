@@ -26,10 +26,12 @@ from puckbench.codecs.rates import (
     Parameters,
     budget_of,
     budgets_among,
+    budgets_of,
     check_metric,
     find_rate,
     metric_rates,
     scaled_rates,
+    set_budgets,
 )
 from puckbench.codecs.shift import unshifted
 from puckbench.codecs.unit import without_unit
@@ -235,7 +237,7 @@ def entry(name: str, changes: Entry | None = None) -> dict[str, Any]:
     place = place_of(name, changes)
     trust([place])  # the place of a class that is already loaded
     options = {**changes.get("options", {}), **codec.options.model_dump()}
-    return {"class": place, "options": options, **rate_tables(codec, codec.budgets)}
+    return {"class": place, "options": options, **rate_tables(codec, budgets_of(codec))}
 
 
 def rate_tables(codec: Codec, budgets: Sequence[str] = ()) -> dict[str, dict[str, Parameters]]:
@@ -286,7 +288,7 @@ def open_codec(name: str, changes: Entry | None = None) -> Codec:
     try:
         opened = codec(name=name, rates=rates, **changes.get("options", {}))
         if budgets:
-            opened.budgets = budgets
+            set_budgets(opened, budgets)
         _check_attributes(opened)
         return opened
     except KeyError as error:

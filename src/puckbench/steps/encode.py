@@ -14,7 +14,7 @@ from pointkit.terminal import Progress
 from puckbench.codecs.base import CloudKind, Codec, SharedWork
 from puckbench.codecs.budget import rate_within
 from puckbench.codecs.coding import attribute_bytes, check_codes, cost_of, encoded
-from puckbench.codecs.rates import Budget, budget_of, rates_of
+from puckbench.codecs.rates import Budget, budget_of, budgets_of, rates_of
 from puckbench.codecs.weights_label import weights_label
 from puckbench.core.code import CLOUD_FILES, CODEC
 from puckbench.core.environment import cpu_model, run_environment
@@ -93,7 +93,7 @@ def coded_cloud(
         Whether to encode once more. If the streams differ, the record gets a remark.
     """
 
-    if rate in codec.budgets and (budget := budget_of(codec, rate)):
+    if rate in budgets_of(codec) and (budget := budget_of(codec, rate)):
         with noting(f"rate {rate}"):
             met = coded_within(codec, cloud, budget, timing, shared, again=again)
         used = {"rate": rate, USED_RATE: met.record["rate"]}

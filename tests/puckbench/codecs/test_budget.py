@@ -15,7 +15,7 @@ from pointkit.lidar.sensors import load_sensor
 from puckbench.codecs.base import CloudKind, Codec
 from puckbench.codecs.budget import MOST_PROBES, rate_within
 from puckbench.codecs.coding import skip_reason
-from puckbench.codecs.rates import Budget, lengths
+from puckbench.codecs.rates import Budget, budgets_of, lengths
 from puckbench.codecs.registry import open_codec
 from tests.support.pages import blocks
 from virtual_lidar import open_error_model, open_sweep, scan
@@ -211,7 +211,7 @@ def test_points_without_a_frame_are_in_metres() -> None:
 
 def test_an_entry_names_budgets_or_rates() -> None:
     codec = open_codec("gpcc", {"rates": ["2bpp", "0.5bpp"]})
-    assert codec.budgets == ("0.5bpp", "2bpp")
+    assert budgets_of(codec) == ("0.5bpp", "2bpp")
     assert "r1" in codec.rates
     for entry, fault in (
         ({"rates": ["1bpp", "r3"]}, "budgets such as 1bpp stand alone, without r3"),

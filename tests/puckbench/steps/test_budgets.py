@@ -10,6 +10,7 @@ import pytest
 
 from pointkit.errors import InputError
 from puckbench.codecs.coding import decoded
+from puckbench.codecs.rates import budgets_of
 from puckbench.codecs.registry import entry, open_codec
 from puckbench.planning.workflow import Workflow
 from puckbench.recordings.drives import Drive, write_drive
@@ -70,7 +71,7 @@ def test_a_complete_entry_opens_the_same_codec() -> None:
     changes = {"rates": ["3bpp", "1bpp"], "options": {"profile": "minimal"}}
     complete = entry("gpcc", changes)
     opened, again = open_codec("gpcc", changes), open_codec("gpcc", complete)
-    assert again.budgets == opened.budgets == ("1bpp", "3bpp")
+    assert budgets_of(again) == budgets_of(opened) == ("1bpp", "3bpp")
     assert again.rates == opened.rates == open_codec("gpcc").rates
     assert entry("gpcc", complete) == complete
 
