@@ -27,7 +27,7 @@ from puckbench.codecs.gpcc import Gpcc
 from puckbench.codecs.gpcc_denoised import GpccDenoised
 from puckbench.codecs.pcgcv1 import Pcgcv1
 from puckbench.codecs.pcgcv2 import Pcgcv2
-from puckbench.codecs.rates import scaled_rates
+from puckbench.codecs.rates import budgets_of, scaled_rates
 from puckbench.codecs.registry import based_on, open_codec
 from puckbench.codecs.tmc13 import Tmc13
 from puckbench.planning.needs.registry import NEEDS, Options
@@ -159,6 +159,7 @@ def grid_scales(plan: Plan) -> dict[str, dict[str, float]]:
         name: {rate: float(values["scale"]) for rate, values in scaled_rates(codec.rates).items()}
         for name, codec in plan.opened.items()
         if codec_role(codec) in (GPCC, GPCC_AS_RUN)
+        and not budgets_of(codec)
         and all("scale" in values for values in scaled_rates(codec.rates).values())
         and any(plan.codes(name, dataset) for dataset in dataset_roles(plan))
     }
@@ -199,7 +200,7 @@ def thesis_medians_options(plan: Plan) -> Options | None:
     without such data sets, or if no codec has a rate of the thesis.
     """
     datasets, codecs = dataset_roles(plan), codec_roles(plan)
-    has_rates = any(plan.codecs[name]["rates"].keys() & RATES for name in codecs.values())
+    has_rates = any({*plan.rates(name, "scaled")} & {*RATES} for name in codecs.values())
     return {"datasets": datasets, "codecs": codecs} if datasets and has_rates else None
 
 

@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from puckbench.library import compare as compare
     from puckbench.library import decoded as decoded
     from puckbench.library import encoded as encoded
+    from puckbench.library import encoded_within as encoded_within
     from puckbench.library import measures as measures
     from puckbench.library import open_codec as open_codec
     from puckbench.library import prepare as prepare
@@ -36,7 +37,7 @@ __getattr__, __dir__, __all__ = lazy(
     __name__,
     library=(
         *("InputError", "PointCloud", "bd_rate", "compare", "decoded", "encoded"),
-        *("measures", "open_codec", "prepare", "read_cloud", "turns"),
+        *("encoded_within", "measures", "open_codec", "prepare", "read_cloud", "turns"),
     ),
 )
 

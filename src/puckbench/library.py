@@ -1,10 +1,11 @@
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import replace
 from numbers import Integral, Real
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -15,8 +16,9 @@ from pointkit.models import parsed
 from pointkit.registry import trust
 from puckbench.codecs import coding, registry
 from puckbench.codecs.base import CloudKind, Codec, SharedWork
+from puckbench.codecs.budget import rate_within
 from puckbench.codecs.coding import check_codes
-from puckbench.codecs.rates import rates_of, scaled_rates
+from puckbench.codecs.rates import Budget, rates_of, scaled_rates
 from puckbench.metrics.cloud_metrics import attribute_metrics, geometry_metrics
 from puckbench.results.curves import read_curve
 from puckbench.steps.coding import TimingSettings, codec_plugins, decoded_cloud, ready
@@ -35,6 +37,7 @@ __all__ = [
     "compare",
     "decoded",
     "encoded",
+    "encoded_within",
     "measures",
     "open_codec",
     "prepare",
@@ -42,6 +45,31 @@ __all__ = [
     "read_curve",
     "turns",
 ]
+
+
+class WithinBudget(NamedTuple):
+    """A stream that meets a number of bits per point, as `encoded_within` returns it.
+
+    Parameters
+    ----------
+    stream
+        The byte string, which `decoded` decodes.
+    rate
+        Name of the rate: a length such as ``12.3mm``, ``scale_0.43`` (the factor by which
+        coordinates were multiplied before they were rounded), or a named rate of the codec.
+    bpp
+        Bits per point that the stream takes.
+    encodings
+        Number of encodings that the search took.
+    remark
+        One line if the codec has fixed rates, or if more than 2 % of the bits are left; else None.
+    """
+
+    stream: bytes
+    rate: str
+    bpp: float
+    encodings: int
+    remark: str | None
 
 
 def open_codec(name: str, changes: Mapping[str, Any] | None = None) -> Codec:
@@ -220,6 +248,54 @@ def encoded(codec: Codec, cloud: PointCloud | Floats, rate: str, work: Any = Non
         reflectance is not a 16-bit integer, or the codec cannot encode the cloud.
     """
     return coding.encoded(_codec(codec), _cloud(cloud), rate, work)
+
+
+def encoded_within(
+    codec: Codec, cloud: PointCloud | Floats, bpp: float, work: Any = None
+) -> WithinBudget:
+    """Encode a cloud at the rate of a codec that meets a number of bits per point.
+
+    If a step is the only parameter of the codec's rates, the stream takes 98 to 100 % of the bits
+    (less if the finest step needs less, or if bits leap between two steps). The step is found by at
+    most eight encodings. Any other codec takes the largest of its rates below.
+
+    Parameters
+    ----------
+    codec
+        A codec returned by `open_codec`.
+    cloud
+        A cloud, or an array of points (n, 3). If the coordinate frame is unknown, and the codec has
+        rates that are lengths, the coordinates are taken as metres.
+    bpp
+        The most bits per point of the cloud.
+    work
+        Object from the codec's `prepare` for this cloud, as in `encoded`.
+
+    Returns
+    -------
+    WithinBudget
+        The stream, the rate that was found, and what it takes.
+
+    Raises
+    ------
+    InputError
+        The coarsest rate of the codec takes more bits; the message has the range that is in reach.
+        Or `encoded` would raise it for the cloud.
+    """
+    streams: dict[str, bytes] = {}
+
+    def encode(rated: Codec, rate: str) -> int:
+        streams[rate] = coding.encoded(rated, points, rate, work)
+        return len(streams[rate])
+
+    points = _cloud(cloud)
+    check_points(points.xyz, "the cloud")
+    if not (isinstance(bpp, Real) and 0 < bpp < math.inf):
+        raise InputError(f"bpp is {bpp!r}, but must be a number above 0")
+    chosen = rate_within(_codec(codec), [points], Budget(float(bpp), "bpp"), encode)
+    stream = streams[chosen.rate]
+    taken = 8 * len(stream) / len(points)
+    return WithinBudget(stream, chosen.rate, taken, chosen.probes, chosen.remark)
 
 
 def decoded(codec: Codec, stream: bytes) -> PointCloud:

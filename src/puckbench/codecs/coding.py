@@ -15,7 +15,13 @@ from pointkit.geometry.mesh import Mesh, labelled_mesh_in_metres
 from pointkit.measurement import NO_COST, Cost
 from puckbench.codecs.base import CloudKind, Codec
 from puckbench.codecs.external import ExternalCodec
-from puckbench.codecs.rates import is_length, parameters_of, rates_of
+from puckbench.codecs.rates import (
+    budget_of,
+    is_length,
+    offered_rates,
+    parameters_of,
+    rates_of,
+)
 from puckbench.codecs.shift import moved, shift_of, shifted, unshifted
 from puckbench.geometry.attributes import RETURNS
 
@@ -113,8 +119,13 @@ def check_codes(codec: Codec, cloud: CloudKind, rate: str | None = None) -> None
 def skip_reason(codec: Codec, cloud: CloudKind, rate: str) -> str | None:
     """Return why a codec does not encode a cloud at a rate (`Codec.skip`), or None.
 
-    Raises InputError if `skip` raises an exception, or returns neither a text nor None.
+    At a budget, a codec encodes what it encodes at one of its rates or more. Raises InputError if
+    `skip` raises an exception, or returns neither a text nor None.
     """
+    if budget_of(codec, rate):
+        offered = offered_rates(codec, cloud.frame) or codec.rates
+        reasons = [skip_reason(codec, cloud, each) for each in offered]
+        return reasons[0] if all(reasons) else None
     with naming(f"codec {codec.name}: skip({cloud}, {rate!r})"):
         try:
             reason = codec.skip(cloud, rate)
@@ -144,6 +155,8 @@ def skip_anywhere(codec: Codec, cloud: CloudKind, rate: str) -> str | None:
 
 def _lack(codec: Codec, rate: str) -> str | None:
     """Return why a codec skips a rate for every cloud, or None if it encodes some."""
+    if budget_of(codec, rate):
+        return why_not_here(codec) or None
     frame: CoordinateFrame = "metric" if is_length(codec, rate) else "scaled"
     return skip_reason(codec, CloudKind(frame, has_returns=True, has_packets=True), rate)
 

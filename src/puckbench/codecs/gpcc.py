@@ -113,6 +113,7 @@ class GridCodec(Codec):
     """
 
     rates: Mapping[str, Parameters] = {**EIGHTHS, **lengths()}
+    any_scale = True
     Options: type[GridOptions] = GridOptions
     options: GridOptions
     magic = b"PBGP"

@@ -22,7 +22,17 @@ from pointkit.registry import Registry, is_place, load, trust
 from pointkit.yaml_files import read_yaml
 from puckbench.codecs.base import Codec
 from puckbench.codecs.old_contract import adapted
-from puckbench.codecs.rates import Parameters, check_metric, find_rate, metric_rates, scaled_rates
+from puckbench.codecs.rates import (
+    Parameters,
+    budget_of,
+    budgets_among,
+    budgets_of,
+    check_metric,
+    find_rate,
+    metric_rates,
+    scaled_rates,
+    set_budgets,
+)
 from puckbench.codecs.shift import unshifted
 from puckbench.codecs.unit import without_unit
 from puckbench.geometry.attributes import COLOUR, REFLECTANCE, RETURNS
@@ -209,7 +219,8 @@ def entry(name: str, changes: Entry | None = None) -> dict[str, Any]:
         What a configuration says about the codec: ``class``, ``options``, ``rates`` and
         ``metric_rates``. Each of the last two is a list of rate names to keep, or a dict of
         parameters by name. The first replaces rates for scaled clouds, the second those for clouds
-        in metres; lengths among ``rates`` count as ``metric_rates``.
+        in metres; lengths among ``rates`` count as ``metric_rates``. Budgets of bits, such as
+        ``1.5bpp``, hold for both; a list has either budgets or rates.
 
     Returns
     -------
@@ -226,10 +237,19 @@ def entry(name: str, changes: Entry | None = None) -> dict[str, Any]:
     place = place_of(name, changes)
     trust([place])  # the place of a class that is already loaded
     options = {**changes.get("options", {}), **codec.options.model_dump()}
-    complete = {"class": place, "options": options, "rates": scaled_rates(codec.rates)}
-    if metric := metric_rates(codec.rates):
-        complete["metric_rates"] = metric
-    return complete
+    return {"class": place, "options": options, **rate_tables(codec, budgets_of(codec))}
+
+
+def rate_tables(codec: Codec, budgets: Sequence[str] = ()) -> dict[str, dict[str, Parameters]]:
+    """Return the rates of a codec's complete entry: ``rates`` and, if any, ``metric_rates``.
+
+    `budgets` are names of budgets at which the codec shall run. They are added to each table that
+    is not empty, and the codec chooses among its other rates.
+    """
+    found = {name: each.parameters for name in budgets if (each := budget_of(codec, name))}
+    scaled, metric = scaled_rates(codec.rates), metric_rates(codec.rates)
+    tables = {"rates": {**scaled, **found} if scaled else scaled}
+    return {**tables, "metric_rates": {**metric, **found}} if metric else tables
 
 
 def place_of(name: str, changes: Entry | None = None) -> str:
@@ -261,11 +281,14 @@ def open_codec(name: str, changes: Entry | None = None) -> Codec:
     """
     codec, changes = codec_class(name, changes), changes or {}
     with naming(f"codec {name}"):
+        changes, budgets = _without_budgets(codec, changes)
         rates = _rates(codec, changes)
     if not rates:
         raise InputError(f"codec {name}: neither its entry nor its class names rates")
     try:
         opened = codec(name=name, rates=rates, **changes.get("options", {}))
+        if budgets:
+            set_budgets(opened, budgets)
         _check_attributes(opened)
         return opened
     except KeyError as error:
@@ -281,6 +304,33 @@ def _check_attributes(codec: Codec) -> None:
         if attribute not in known:
             unknown = f"unknown attribute '{attribute}'{among(str(attribute), known)}"
             raise InputError(f"codec {codec.name}: {unknown}")
+
+
+def _without_budgets(codec: type[Codec], changes: Entry) -> tuple[Entry, tuple[str, ...]]:
+    """Return an entry without the budgets among its rates, and their names.
+
+    A list that has budgets has nothing else, and is left out. In a table, as `rate_tables` makes
+    it, budgets are those names whose parameter is their amount.
+    """
+    others, budgets = dict(changes), dict[str, None]()
+    for key in ("rates", "metric_rates"):
+        requested = changes.get(key) or ()
+        if isinstance(requested, Mapping):
+            found: Sequence[str] = [
+                name
+                for name, parameters in requested.items()
+                if (each := budget_of(codec, name)) and parameters == each.parameters
+            ]
+            if found:
+                rest = {name: part for name, part in requested.items() if name not in found}
+                others[key] = rest or None
+        elif found := budgets_among(codec, requested):
+            for name in found:
+                if name.endswith("mbps"):
+                    raise InputError(f"{key}: {name}: megabits per second are for drives")
+            others[key] = None
+        budgets |= dict.fromkeys(found)
+    return others, tuple(budgets)
 
 
 def _rates(codec: type[Codec], changes: Entry) -> dict[str, Parameters]:

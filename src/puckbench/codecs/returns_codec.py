@@ -4,10 +4,12 @@ from pointkit.errors import InputError
 from pointkit.geometry.cloud import PointCloud
 from pointkit.lidar.returns import Returns
 from puckbench.codecs.base import CloudKind, Codec
-from puckbench.codecs.rates import parameters_of
+from puckbench.codecs.rates import StepRange, parameters_of
 from puckbench.geometry.attributes import REFLECTANCE, RETURNS
 
 _NO_RETURNS = "codes the returns of a spinning sensor, and the cloud has none"
+_MOST_QUANTA = 4096
+"""Largest range step, in quanta, that a search for a budget of bits tries."""
 
 
 class ReturnsCodec(Codec):
@@ -28,6 +30,11 @@ class ReturnsCodec(Codec):
 
     def skip(self, cloud: CloudKind, rate: str) -> str | None:
         return super().skip(cloud, rate) or (None if cloud.has_returns else _NO_RETURNS)
+
+    def step_range(self, cloud: PointCloud) -> StepRange:
+        """Return the range steps of a cloud: multiples of the sensor's range unit."""
+        quantum_m = returns_of(cloud).quantum_m
+        return StepRange(quantum_m, _MOST_QUANTA * quantum_m, quantum_m)
 
     def step_in_quanta(self, returns: Returns, rate: str) -> int:
         """Return a rate's range step as a number of quanta (the sensor's range unit).

@@ -48,6 +48,7 @@ class SparseOctreeNet(Learned["OctreeNetWeights"]):
     """The codec is a learned octree coder, lossless on its grid."""
 
     rates: Mapping[str, Parameters] = {**EIGHTHS, **lengths()}
+    any_scale = True
     Options: type[OctreeNetOptions] = OctreeNetOptions
     options: OctreeNetOptions
     magic = b"PBON"

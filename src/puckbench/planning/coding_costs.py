@@ -3,6 +3,8 @@ from __future__ import annotations
 import math
 from functools import cache, cached_property
 
+from puckbench.codecs.budget import MOST_PROBES
+from puckbench.codecs.rates import budgets_of
 from puckbench.core.environment import thread_environment
 from puckbench.planning.costs import costs_of
 from puckbench.planning.files import Files
@@ -35,7 +37,8 @@ class CodingCosts:
         seconds = self.timing.repeats * costs_of(self.plan.opened[codec]).seconds_of(
             self._most_points
         )
-        return 5 + math.ceil(2 * rates * seconds / 60)
+        probes = MOST_PROBES if budgets_of(self.plan.opened[codec]) else 1
+        return 5 + math.ceil(2 * rates * probes * seconds / 60)
 
     @cache  # noqa: B019
     def memory_mb(self, codec: str) -> int:

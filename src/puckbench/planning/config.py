@@ -164,7 +164,9 @@ class DriveConfig(Sensing):
     rates: tuple[RateName, ...] = Field(
         ("1000mm", "500mm", "200mm", "100mm", "50mm", "20mm"),
         min_length=1,
-        description="Rates; a codec that has none of them runs all of its rates.",
+        description="Rates, or budgets: bits per point, or megabits per second, that each codec "
+        "meets by its step (`[1bpp, 2bpp]`, `[2mbps]`). A codec that has none of the rates runs "
+        "all of its rates.",
     )
     poses: str | None = Field(
         None,
@@ -217,8 +219,9 @@ class CodecConfig(Model):
     )
     rates: tuple[str, ...] | dict[RateName, Options] | None = Field(
         None,
-        description="Names of the rates to run (lengths are metric rates), or a table of new rates "
-        "(name to parameters); by default all rates of the codec.",
+        description="Names of the rates to run (lengths are metric rates); or budgets of bits per "
+        "point, which the codec meets by its step or the largest rate below (`[1bpp, 2bpp]`); or a "
+        "table of new rates (name to parameters). By default all rates of the codec.",
     )
     metric_rates: tuple[str, ...] | dict[RateName, Options] | None = Field(
         None,

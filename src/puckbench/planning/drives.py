@@ -9,8 +9,16 @@ from typing import Any
 from pointkit.errors import InputError, among, naming
 from pointkit.lidar.sensors import load_sensor
 from puckbench.codecs.base import CloudKind
+from puckbench.codecs.budget import MOST_PROBES
 from puckbench.codecs.coding import skip_anywhere
-from puckbench.codecs.rates import find_rate, is_length, parameters_of, rates_of
+from puckbench.codecs.rates import (
+    budget_of,
+    budgets_among,
+    find_rate,
+    is_length,
+    parameters_of,
+    rates_of,
+)
 from puckbench.metrics.task_registry import checked_task
 from puckbench.planning.coding_costs import CodingCosts
 from puckbench.planning.config import DriveConfig
@@ -123,7 +131,10 @@ class Drives:
         `name` is the drive's entry in the configuration.
         """
         rates = max(map(len, self.entries[name].rates.values()), default=1)
-        return {"memory_mb": 2 * self.costs.memory_mb(codec), "minutes": 10 + int(5 * rates)}
+        opened, own = self.plan.opened[codec], self.entries[name].rates[codec]
+        probes = MOST_PROBES if any(budget_of(opened, rate) for rate in own) else 1
+        minutes = 10 + int(5 * rates * probes)
+        return {"memory_mb": 2 * self.costs.memory_mb(codec), "minutes": minutes}
 
     def coding_entry(self, name: str, codec: str) -> dict[str, Any]:
         """Return a codec's complete entry, with only the rates at which drives are coded.
@@ -131,7 +142,11 @@ class Drives:
         `name` is the drive's entry in the configuration.
         """
         opened, rates = self.plan.opened[codec], self.entries[name].rates[codec]
-        parameters = {rate: dict(parameters_of(opened, rate)) for rate in rates}
+        budgets = {rate: budget_of(opened, rate) for rate in rates}
+        parameters = {
+            rate: dict(budget.parameters if budget else parameters_of(opened, rate))
+            for rate, budget in budgets.items()
+        }
         return self.plan.entry_with(codec, parameters)
 
     # ---- entries of the configuration
@@ -176,7 +191,8 @@ class Drives:
             opened = self.plan.opened[codec]
             metric_rates = rates_of(opened, "metric")
             requested = [item for rate in value.rates if (item := find_rate(opened, rate))]
-            named = [rate for rate, _ in requested if metric_rates and is_length(opened, rate)]
+            lengths = tuple(rate for rate, _ in requested if is_length(opened, rate))
+            named = budgets_among(opened, value.rates) or lengths if metric_rates else ()
             coded = [r for r in named or metric_rates if not skip_anywhere(opened, kind, r)]
             if coded:
                 rates[codec] = tuple(coded)

@@ -15,7 +15,7 @@ from puckbench.codecs import registry as codecs
 from puckbench.codecs.base import CloudKind, Codec
 from puckbench.codecs.coding import skip_anywhere
 from puckbench.codecs.learned import require_networks
-from puckbench.codecs.rates import is_length, rates_of
+from puckbench.codecs.rates import budgets_among, is_length, rates_of
 from puckbench.codecs.registry import open_training
 from puckbench.geometry.attributes import attribute_of
 from puckbench.geometry.scaling import GRID, METRIC
@@ -658,8 +658,11 @@ class Plan:
     def entry_with(self, codec: str, rates: Mapping[str, Any]) -> dict[str, Any]:
         """Return a codec's complete entry in the configuration, with only the given rates.
 
-        `rates` maps names of rates to the codec's parameters at them.
+        `rates` maps names of rates to the codec's parameters at them. If they are budgets of bits,
+        the entry also has the rates among which the codec chooses.
         """
+        if budgets := budgets_among(self.opened[codec], rates):
+            return {**self.codecs[codec], **codecs.rate_tables(self.opened[codec], budgets)}
         entry = {key: value for key, value in self.codecs[codec].items() if key != "metric_rates"}
         if all(is_length(self.opened[codec], rate) for rate in rates):
             return {**entry, "rates": {}, "metric_rates": rates}

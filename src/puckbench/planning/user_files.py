@@ -22,6 +22,7 @@ from pointkit.yaml_files import yaml_text
 from puckbench.codecs.base import CloudKind
 from puckbench.codecs.coding import skip_reason, why_not_here
 from puckbench.codecs.rates import (
+    budget_of,
     check_lengths,
     find_rate,
     is_length,
@@ -433,7 +434,9 @@ class UserRun:
             return rates
         is_metric, opened = frame == "metric", plan.opened[codec]
         names = [
-            rate for rate in self.rates if rate in rates or (is_metric and is_length(opened, rate))
+            rate
+            for rate in self.rates
+            if rate in rates or (is_metric and is_length(opened, rate)) or budget_of(opened, rate)
         ]
         changes = {**plan.config.codec(codec), _KEYS[frame]: names}
         return tuple(rates_of(open_codec(codec, changes), frame)) if names else ()
@@ -555,9 +558,9 @@ def _is_too_wide(plan: Plan, codec: str, frame: CoordinateFrame, rates: Sequence
         if plan.codes(codec, name)
         for cloud in plan.datasets[name].clouds
     ]
-    skip = plan.opened[codec].skip
+    opened = plan.opened[codec]
     narrowest = CloudKind(frame, True, True, min(extents, default=0.0))
-    return bool(extents) and all(skip(narrowest, rate) for rate in rates)
+    return bool(extents) and all(skip_reason(opened, narrowest, rate) for rate in rates)
 
 
 def _why_not(plan: Plan, codec: str, advice: bool) -> str:

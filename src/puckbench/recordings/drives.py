@@ -118,6 +118,12 @@ class Drive:
         """
         return interpolated(self.pose_times, self.poses, self.starts + share * self.turn_s)
 
+    @property
+    def seconds(self) -> float:
+        """Duration of all turns, in s."""
+        steps = np.diff(self.starts)
+        return float(self.starts[-1] - self.starts[0] + (self.turn_s or np.median(steps)))
+
     @cached_property
     def points(self) -> int:
         """Total number of points in all turns."""

@@ -155,6 +155,17 @@ class RecordedTurns(NamedTuple):
         begun_us = np.array([float(clock[0]) for clock in clocks if clock is not None])
         return self.begun_s + float(elapsed(begun_us, HOUR_US)[-1]) * 1e-6
 
+    @property
+    def seconds(self) -> float | None:
+        """Duration of the complete turns, in s; None if their times are unknown."""
+        first, last = self.whole.start, min(self.whole.stop, len(self.returns.turns) - 1)
+        if last <= first or any(turn.times is None for turn in self.returns.turns):
+            return None
+        begun, ended = self.time_s(first), self.time_s(last)
+        if begun is None or ended is None:
+            return None
+        return (ended - begun) * len(self.whole) / (last - first)
+
 
 def read_turns(
     path: Path,

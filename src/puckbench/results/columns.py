@@ -504,6 +504,7 @@ def _clouds() -> Iterator[Column]:
 
 def _measurement() -> Iterator[Column]:
     how = partial(Column, group=RUN)
+    yield how("used_rate", "Rate that meets the budget", missing="the rate is no budget of bits")
     yield how("codec_version", "Codec version")
     yield how("puckbench_version", "Puckbench version")
     yield how("weights", "Weights", missing="the codec has no weights", bookkeeping=True)

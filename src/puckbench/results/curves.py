@@ -22,6 +22,10 @@ NOT_CODED = "not_coded"
 """Name of the column, in rows of results, that lists the attributes that are not coded."""
 
 
+USED_RATE = "used_rate"
+"""Name of the column, in rows of results at a budget of bits, with the rate that meets it."""
+
+
 def with_remarks(row: Mapping[str, Any], *remarks: str | None) -> dict[str, Any]:
     """Return a row of results to whose remark further remarks are added; None adds nothing."""
     lines = [*filter(None, (row.get(REMARK), *remarks))]

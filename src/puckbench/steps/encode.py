@@ -12,13 +12,21 @@ from pointkit.lidar.returns import with_returns
 from pointkit.measurement import Cost, measured
 from pointkit.terminal import Progress
 from puckbench.codecs.base import CloudKind, Codec, SharedWork
+from puckbench.codecs.budget import rate_within
 from puckbench.codecs.coding import attribute_bytes, check_codes, cost_of, encoded
-from puckbench.codecs.rates import rates_of
+from puckbench.codecs.rates import Budget, budget_of, budgets_of, rates_of
 from puckbench.codecs.weights_label import weights_label
 from puckbench.core.code import CLOUD_FILES, CODEC
 from puckbench.core.environment import cpu_model, run_environment
 from puckbench.geometry.attributes import RETURNS, not_coded
-from puckbench.results.curves import NOT_CODED, REMARK, Coded, write_curve
+from puckbench.results.curves import (
+    NOT_CODED,
+    REMARK,
+    USED_RATE,
+    Coded,
+    with_remarks,
+    write_curve,
+)
 from puckbench.steps.coding import (
     TimedStep,
     TimingSettings,
@@ -31,7 +39,7 @@ from puckbench.steps.step import STEPS, PlannedStep
 if TYPE_CHECKING:
     from puckbench.planning.workflow import Workflow
 
-CODE = (*CLOUD_FILES, *CODEC)
+CODE = (*CLOUD_FILES, *CODEC, "puckbench.codecs.budget")
 
 
 @STEPS.register("encode")
@@ -74,7 +82,8 @@ def coded_cloud(
     Parameters
     ----------
     codec, cloud, rate
-        The codec, ready to code, the cloud to encode, and the name of the rate.
+        The codec, ready to code, the cloud to encode, and the name of the rate. If it is one of the
+        codec's budgets, the record also names the rate that meets it.
     timing
         How the encoding is timed.
     shared
@@ -83,6 +92,12 @@ def coded_cloud(
     again
         Whether to encode once more. If the streams differ, the record gets a remark.
     """
+
+    if rate in budgets_of(codec) and (budget := budget_of(codec, rate)):
+        with noting(f"rate {rate}"):
+            met = coded_within(codec, cloud, budget, timing, shared, again=again)
+        used = {"rate": rate, USED_RATE: met.record["rate"]}
+        return met._replace(record={**met.record, **used})
 
     def whole(here: Cost) -> Cost:
         cost = cost_of(codec, here)
@@ -112,6 +127,52 @@ def coded_cloud(
         **({REMARK: "repeated encodings differ"} if len(streams) > 1 else {}),
     }
     return Coded(timed.result, record)
+
+
+def coded_within(
+    codec: Codec,
+    cloud: PointCloud,
+    budget: Budget,
+    timing: TimingSettings,
+    shared: SharedWork | None = None,
+    seconds: float | None = None,
+    again: bool = False,
+) -> Coded:
+    """Encode a cloud at the rate that meets a budget of bits (`puckbench.codecs.budget`).
+
+    Parameters
+    ----------
+    codec, cloud, shared, again
+        As for `coded_cloud`.
+    budget
+        The most bits that the stream may take.
+    timing
+        How the encoding at the rate that was found is timed. The search is not timed.
+    seconds
+        Time in which the sensor recorded the cloud, s, for budgets in megabits per second.
+
+    Returns
+    -------
+    Coded
+        The stream with facts about its encoding. Its remark tells if it leaves much of the budget.
+
+    Raises
+    ------
+    InputError
+        The budget is less than the codec's coarsest rate takes.
+    """
+    once = timing.model_copy(update={"repeats": 1})
+    tried: dict[str, Coded] = {}
+
+    def encode(rated: Codec, rate: str) -> int:
+        tried[rate] = coded_cloud(rated, cloud, rate, once, shared)
+        return len(tried[rate].stream)
+
+    chosen = rate_within(codec, [cloud], budget, encode, seconds)
+    coded = tried[chosen.rate]
+    if timing.repeats > 1 or again:
+        coded = coded_cloud(chosen.codec, cloud, chosen.rate, timing, shared, again)
+    return coded._replace(record=with_remarks(coded.record, chosen.remark))
 
 
 def to_code(
