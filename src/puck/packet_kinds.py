@@ -102,7 +102,8 @@ def formats_of(sensors: Iterable[OusterSensor]) -> list[PacketFormat]:
     formats = []
     for sensor in sensors:
         whole = OusterKind.of(sensor)
-        kinds = [whole, *(replace(whole, is_fragmented=True, hole=hole) for hole in _HOLES)]
+        fragmented = (replace(whole, is_fragmented=True, hole=hole) for hole in _HOLES)
+        kinds = [whole, *(each for each in fragmented if len(each.pieces) > 1)]
         formats += [
             PacketFormat(each.pieces, each.hole, each.find, each.split_turns, sensor)
             for each in kinds

@@ -29,8 +29,10 @@ _RATE_OFF = 0.02
 _NEAR, _ENOUGH, _FAR = 5, 3, 64
 """Numbers of packets on each side of a step: those whose medians are compared, the least that
 decide where the angles do not, and those whose times of reception then decide."""
-_MANY = 8
-"""Number of successive steps whose mean is not changed much by packets that are late."""
+_LEAST = 1.25
+"""Smallest leap, relative to the usual step; late packets change the median by one step."""
+_MANY = 6
+"""Number of packets that are sorted to find the usual step."""
 _RECEIVED_ALIKE = 0.1
 """Limit of the difference between a step of the clock and the time between receptions.
 
@@ -120,7 +122,8 @@ def _small_leaps(motion: Motion, received: Floats | None) -> NDArray[np.bool_]:
     if not counts_turns:
         turned, apart = turned - np.rint(turned), apart - np.rint(apart)
     runs_on = np.abs(turned) <= MOST_OFF * abs(rise)
-    runs_on &= (np.abs(moved) > MOST_OFF * usual) & (moved * (steps[places] - usual) > 0)
+    runs_on &= np.abs(moved) > _LEAST * usual
+    runs_on &= np.sign(moved) * (steps[places] - usual) > MOST_OFF * np.abs(moved)
     most_apart = (MOST_OFF + _RATE_OFF * np.abs(moved) / usual) * abs(rise)
     for k in np.flatnonzero(runs_on).tolist():
         at, leap = int(places[k]), float(moved[k])
@@ -154,10 +157,10 @@ def clock_epochs(motion: Motion, is_leap: NDArray[np.bool_]) -> NDArray[np.int64
 
 
 def _usual(steps: Floats) -> float:
-    """Return the usual step, to which packets that are late contribute nothing."""
-    count = min(_MANY, len(steps))
+    """Return the usual step between packets, of which a few may be late or lost."""
     places = np.append(0, np.cumsum(steps))
-    return float(np.median(places[count:] - places[:-count])) / count
+    groups = places[: len(places) // _MANY * _MANY].reshape(-1, _MANY)
+    return float(np.median(np.diff(np.sort(groups, axis=1))))
 
 
 def _change(values: Floats, places: NDArray[np.intp]) -> Floats:
