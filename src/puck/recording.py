@@ -60,9 +60,10 @@ _MANY_BYTES, _BYTES_PER_BYTE = 3 << 24, 40
 """Limit of a restored recording's size: a constant, and more for each byte of the stream."""
 _MOST_LEFT = 8
 """Inverse of the share of bytes outside packets below which no more packets are searched for."""
-_LEAST_PLAIN, _QUICKLY, _CLOSE = 1 << 16, 1, 2.5
-"""Fewest bytes with clouds that may be coded by LZMA alone, level of Zstandard that tells whether
-LZMA may be better, and how near it then comes."""
+_ALWAYS_PLAIN, _QUICKLY, _CLOSE = 1 << 18, 1, 2.5
+"""Most bytes with clouds that LZMA alone always compresses, too, since models have learnt little;
+level of Zstandard that tells of more bytes whether LZMA may be better, and how near it then comes.
+"""
 _FRAME_BYTES = 16
 """Maximum number of bytes that state the length of a gap. A decoder counts them as output, too."""
 
@@ -516,9 +517,11 @@ class _BatchEncoder:
         sensor = self._sensor
         batch, content = self._batch(window, report), window.data.tobytes()
         plain = None
-        if window.clouds and len(content) >= _LEAST_PLAIN:
-            quick_size = len(compressed(content, _QUICKLY, long=True))
-            plain = _gaps_of(content, encode_gaps) if quick_size < _CLOSE * batch.size else None
+        if window.clouds and (
+            len(content) <= _ALWAYS_PLAIN
+            or len(compressed(content, _QUICKLY, long=True)) < _CLOSE * batch.size
+        ):
+            plain = _gaps_of(content, encode_gaps)
         if plain is None or batch.size <= plain.size:
             yield batch
         self._sensor = sensor
