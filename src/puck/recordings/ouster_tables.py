@@ -63,5 +63,5 @@ def ouster_table(sensor: OusterSensor, payloads: NDArray[np.uint8]) -> ReturnTab
         "packets": len(payloads),
         "whole_turns": [whole.start, whole.stop],
     }
-    columns = {**table.columns, **further}
-    return replace(table, columns=columns, about={**table.about, **about})
+    all_columns = {**table.columns, **further}
+    return replace(table, columns=all_columns, about={**table.about, **about})

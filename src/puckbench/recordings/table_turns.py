@@ -55,9 +55,10 @@ def rings_of_table(table: ReturnTable) -> NDArray[np.uint16]:
     only the lasers that have returns count.
     """
     rings, lasers = table.about.get(_RINGS), table["laser_id"]
-    are_rings = isinstance(rings, list) and all(_is_ring(each) for each in rings)
-    if are_rings and lasers.min(initial=0) >= 0 and lasers.max(initial=0) < len(rings):
-        return np.array(rings, np.uint16)[lasers]
+    if not isinstance(rings, list) or not all(_is_ring(each) for each in rings):
+        rings = []
+    if lasers.min(initial=0) >= 0 and lasers.max(initial=0) < len(rings):
+        return np.asarray(np.array(rings, np.uint16)[lasers])
     return ranks(table["elevation"])
 
 
