@@ -62,6 +62,5 @@ def test_clouds_that_lzma_compresses_are_told(
     assert json.loads(out)["clouds"] == 0
     told = "LZMA alone compresses 4 PointCloud2 messages, as models would take more bytes"
     assert f"{path}: {told}" in error
-    assert error.count("\n") == 1
     assert main(["decompress", *names[1:]]) == 0
     assert (tmp_path / "b.bag").read_bytes() == path.read_bytes()
