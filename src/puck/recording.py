@@ -431,7 +431,7 @@ def search(windows: Windows, formats: list[PacketFormat]) -> Iterator[Window]:
         if not is_last:
             largest = max(each.span for each in formats)
             end = end - largest + 1 if cut is None else cut.head
-            end = max(end, *(each.end() for each in packets), *(cloud.end for cloud in clouds))
+            end = max([end, *(each.end() for each in packets), *(cloud.end for cloud in clouds)])
             if packets and not clouds and cut is None:
                 whole = _without_last_turn(packets[0], data)
                 if len(whole.places) < len(packets[0].places):
