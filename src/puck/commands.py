@@ -64,7 +64,17 @@ def run_compress(options: argparse.Namespace) -> dict[str, Any]:
     with _pipes(options.recording, options.out) as (recording, out):
         summary = compress(recording, out, coding, Progress("byte"))
     source = "standard input" if options.recording == PIPE else options.recording
-    if not summary.packets and not summary.clouds:
+    by_lzma = {
+        "data packets": summary.packets_by_lzma,
+        "PointCloud2 messages": summary.clouds_by_lzma,
+    }
+    if any(by_lzma.values()):
+        _LOG.warning(
+            "%s: LZMA alone compresses %s, as models would take more bytes or exceed limits",
+            source,
+            " and ".join(f"{count:,} {what}" for what, count in by_lzma.items() if count),
+        )
+    elif not summary.packets and not summary.clouds:
         _LOG.warning(
             "%s: no data packets of a modelled sensor and no PointCloud2 messages: LZMA alone%s "
             "(an Ouster's packets need the sensor's .json beside the recording or its metadata in "

@@ -1,7 +1,8 @@
 """Compression by LZMA of the bytes between the packets of a recording, which are called gaps.
 
 Gaps of equal length, mostly headers of packets, are stored together as differences between
-successive gaps.
+successive gaps. Long gaps, such as images between clouds, are stored so only if a sample shows that
+this takes fewer bytes.
 """
 
 from __future__ import annotations
@@ -28,7 +29,12 @@ is no larger than with the preset, and takes a fifth of the time."""
 _OPTIONS: tuple[dict[str, int], ...] = ({}, {"lc": 4, "pb": 0}, _HEADERS)
 """LZMA options among which a sample of other gaps decides: the preset, options for messages, whose
 numbers are not aligned, and those for headers."""
-_SAMPLE = 1 << 16
+_SAMPLE, _SAMPLES = 1 << 16, 4
+"""Number of bytes of which a sample is compressed to choose among options, and number of parts in
+which it is taken from all of the bytes. Fewer bytes than `_SAMPLES` samples are compressed as a
+whole with each of the options."""
+_LONG, _ROWS = 1 << 10, 4
+"""Number of bytes from which a gap is long, and number of gaps of which a sample is taken."""
 _CHUNK = 1 << 16
 """Maximum number of bytes of an LZMA2 chunk that is stored uncompressed."""
 
@@ -38,7 +44,11 @@ def encode_gaps(gaps: list[bytes], are_headers: bool = False) -> bytes:
     raw = _joined(gaps)
     if are_headers:
         return compress_bytes(raw, are_headers)
-    sample = raw[:_SAMPLE]
+    if len(raw) <= _SAMPLES * _SAMPLE:
+        return min((_compressed(raw, options) for options in _OPTIONS), key=len)
+    part = _SAMPLE // _SAMPLES
+    starts = [k * (len(raw) - part) // (_SAMPLES - 1) for k in range(_SAMPLES)]
+    sample = b"".join(raw[at : at + part] for at in starts)
     return _compressed(raw, min(_OPTIONS, key=lambda options: len(_compressed(sample, options))))
 
 
@@ -61,9 +71,12 @@ def decode_gaps(reader: Reader, count: int, admit: Callable[[int], None]) -> lis
     runs = [(body.number(), body.number()) for _ in range(min(body.number(), size))]
     check(sum(repeats for _, repeats in runs) == count)
     lengths = np.repeat([length for length, _ in runs], [repeats for _, repeats in runs])
+    unchanged = {length for length, repeats in runs if not repeats}
     check(sum(length * repeats for length, repeats in runs) <= size)
     groups: dict[int, Iterator[bytes]] = {}
     for length in _frequent(lengths):
+        if length in unchanged:
+            continue
         rows = int(np.count_nonzero(lengths == length))
         planes = np.frombuffer(body.take(length * rows), np.uint8)
         groups[length] = iter([row.tobytes() for row in _rows(planes, rows, length)])
@@ -116,15 +129,29 @@ def _joined(gaps: list[bytes]) -> bytes:
         base_128(int(lengths[edge])) + base_128(int(count))
         for edge, count in zip(edges, counts, strict=True)
     ]
-    parts = [base_128(len(runs)), *runs]
     frequent: dict[int, list[bytes]] = {length: [] for length in _frequent(lengths)}
     for gap in gaps:
         if len(gap) in frequent:
             frequent[len(gap)].append(gap)
-    for length, group in frequent.items():
-        parts.append(_planes(np.frombuffer(b"".join(group), np.uint8).reshape(-1, length)))
-    parts += [gap for gap in gaps if len(gap) not in frequent]
-    return b"".join(parts)
+    planes = []
+    for length, group in [*frequent.items()]:
+        rows = np.frombuffer(b"".join(group), np.uint8).reshape(-1, length)
+        if length < _LONG or _are_alike(rows):
+            planes.append(_planes(rows))
+        else:
+            del frequent[length]
+            runs.append(base_128(length) + base_128(0))  # states that these gaps are unchanged
+    others = [gap for gap in gaps if len(gap) not in frequent]
+    return b"".join([base_128(len(runs)), *runs, *planes, *others])
+
+
+def _are_alike(rows: Bytes) -> bool:
+    """Return whether successive rows (n, length) take fewer bytes as differences, by a sample."""
+    width = min(_SAMPLE // _ROWS, rows.shape[1])
+    row, column = max(len(rows) - _ROWS, 0) // 2, (rows.shape[1] - width) // 8 * 4
+    some = rows[row : row + _ROWS, column : column + width]
+    plain, planes = some.tobytes(), _planes(some)
+    return len(_compressed(planes, _HEADERS)) < len(_compressed(plain, {}))
 
 
 def _frequent(lengths: NDArray[np.int64]) -> list[int]:

@@ -10,7 +10,6 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import replace
 from itertools import accumulate, pairwise
-from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -18,16 +17,13 @@ from numpy.typing import NDArray
 
 from pointkit.coding.byte_io import Reader
 from pointkit.errors import InputError
-from pointkit.files import read_bytes
-from pointkit.geometry.cloud import Floats
 from pointkit.lidar.turns import Turn
 from puck.fields import FieldsDecoder, FieldsEncoder
 from puck.gaps import compress_bytes, decompress_bytes
 from puck.options import CodingOptions
-from puck.recordings.ouster import OusterSensor, metadata_beside, sensor_of
-from puck.recordings.ouster_bags import sensors_in_bag
+from puck.recordings.clock_leaps import Motion, motion_of
+from puck.recordings.ouster import OusterSensor
 from puck.recordings.ouster_packets import OusterKind
-from puck.recordings.packet_order import packet_steps
 from puck.recordings.packet_turns import (
     PacketKind,
     Payloads,
@@ -39,7 +35,6 @@ from puck.recordings.packet_turns import (
     turn_of,
 )
 from puck.recordings.packets import PACKET, PACKET_BYTES
-from puck.recordings.ros_bags import is_bag
 from puck.records import (
     DAMAGED,
     Record,
@@ -57,14 +52,19 @@ _OUSTER_CODE_BYTES = 3
 class PacketFormat(NamedTuple):
     """Format of packets in a file: fragments of lengths `pieces`, which are `hole` bytes apart.
 
-    A packet has the structure `packet`.
+    They are packets of the Ouster `sensor`; if it is None, of any Velodyne.
     """
 
     pieces: list[int]
     hole: int
     find: Callable[[Payloads], NDArray[np.int64]]
     split_turns: Callable[[Payloads], Iterator[tuple[Kind, Payloads]]]
-    packet: np.dtype[Any] = PACKET
+    sensor: OusterSensor | None = None
+
+    @property
+    def packet(self) -> np.dtype[Any]:
+        """NumPy structure of a packet."""
+        return self.sensor.packet if self.sensor else PACKET
 
     @property
     def span(self) -> int:
@@ -78,13 +78,13 @@ class PacketFormat(NamedTuple):
         starts: NDArray[np.int64] = np.cumsum(steps) - steps
         return starts
 
-    def clock_steps(self, payloads: Payloads) -> Floats:
-        """Return the steps of the sensor's clock between packets (p, bytes), (p - 1,), in us."""
-        return packet_steps(payloads, self.packet)
+    def motion(self, payloads: Payloads) -> Motion:
+        """Return the motion of the sensor between packets (p, bytes)."""
+        return motion_of(payloads, self.packet, self.sensor.columns if self.sensor else 0)
 
     def products(self, payloads: Payloads) -> NDArray[np.uint8]:
         """Return the product code (p,) in each of a Velodyne's packets; 0 for an Ouster's."""
-        if self.packet == PACKET:
+        if self.sensor is None:
             return kind_codes(payloads)[:, 0].astype(np.uint8)
         return np.zeros(len(payloads), np.uint8)
 
@@ -94,45 +94,18 @@ _HOLES = (50, 52, 54, 68)
 """Bytes of headers between IP fragments: pcap (Ethernet, Linux cooked, VLAN) and pcapng."""
 
 
-def described_sensors(recording: Path | None) -> tuple[list[OusterSensor], bytes]:
-    """Return the Ouster sensors that metadata in or beside a recording describe.
-
-    `recording` is the path of the file; it is None for a recording that comes from a pipe.
-
-    Returns
-    -------
-    sensors
-        The sensors; none if there are no valid metadata.
-    metadata
-        Content of the JSON file beside the recording from which the sensor was read. It is empty
-        if the metadata are in the recording itself, as in bags of the sensor's driver.
-    """
-    if recording is None:
-        return [], b""
-    try:
-        if is_bag(recording) and (sensors := sensors_in_bag(recording)):
-            return sensors, b""
-    except InputError:
-        pass
-    try:
-        if beside := metadata_beside(recording):
-            metadata = read_bytes(beside)
-            return [sensor_of(metadata, beside.name)], metadata
-    except InputError:
-        pass
-    return [], b""
-
-
 def formats_of(sensors: Iterable[OusterSensor]) -> list[PacketFormat]:
     """Return the formats of packets to search for in a recording, in the order of the search.
 
     The formats of the Ouster `sensors` come first; those of all Velodynes follow.
     """
     formats = []
-    for whole in map(OusterKind.of, sensors):
-        kinds = [whole, *(replace(whole, is_fragmented=True, hole=hole) for hole in _HOLES)]
+    for sensor in sensors:
+        whole = OusterKind.of(sensor)
+        fragmented = (replace(whole, is_fragmented=True, hole=hole) for hole in _HOLES)
+        kinds = [whole, *(each for each in fragmented if len(each.pieces) > 1)]
         formats += [
-            PacketFormat(each.pieces, each.hole, each.find, each.split_turns, each.packet)
+            PacketFormat(each.pieces, each.hole, each.find, each.split_turns, sensor)
             for each in kinds
         ]
     return [*formats, VELODYNE]

@@ -9,7 +9,7 @@ from __future__ import annotations
 import zlib
 from collections.abc import Callable, Iterator
 from contextlib import closing, contextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import partial
 from itertools import chain, zip_longest
 from pathlib import Path
@@ -35,21 +35,19 @@ from puck.gaps import (
     encode_gaps,
     store_gaps,
 )
+from puck.metadata import MOST_METADATA, MetadataUse
 from puck.options import CodingOptions
 from puck.packet_kinds import (
-    VELODYNE,
     Kind,
     PacketFormat,
     PacketsEncoder,
     count_values,
     decode_kind,
-    described_sensors,
-    formats_of,
 )
 from puck.recordings.ouster import sensor_of, write_metadata_beside
 from puck.recordings.packet_turns import Payloads
 from puck.records import DAMAGED, Record, RecordKind, check, most_ranges, read_records, start
-from puck.sensors import PacketSorter, SensorsDecoder, sensor_number, sensor_record
+from puck.sensors import LocatedPackets, PacketSorter, SensorsDecoder, sensor_number, sensor_record
 from puck.sqlite_pages import LARGEST_PAGE, LINK_BYTES, SMALLEST_PAGE, decode_links
 from puck.sqlite_payloads import PageWriter
 from puck.windows import Windows, windows_of
@@ -60,11 +58,12 @@ _MOST_BATCH_BYTES = 1 << 26
 """Maximum number of bytes of a batch's turns in a stream, which are held in memory."""
 _MANY_BYTES, _BYTES_PER_BYTE = 3 << 24, 40
 """Limit of a restored recording's size: a constant, and more for each byte of the stream."""
-_MOST_METADATA = 1 << 18
-"""Maximum size in bytes of the metadata of an Ouster in a stream."""
-_LEAST_PLAIN, _QUICKLY, _CLOSE = 1 << 16, 1, 2.5
-"""Fewest bytes with clouds that may be coded by LZMA alone, level of Zstandard that tells whether
-LZMA may be better, and how near it then comes."""
+_MOST_LEFT = 8
+"""Inverse of the share of bytes outside packets below which no more packets are searched for."""
+_ALWAYS_PLAIN, _QUICKLY, _CLOSE = 1 << 18, 1, 2.5
+"""Most bytes with clouds that LZMA alone always compresses, too, since models have learnt little;
+level of Zstandard that tells of more bytes whether LZMA may be better, and how near it then comes.
+"""
 _FRAME_BYTES = 16
 """Maximum number of bytes that state the length of a gap. A decoder counts them as output, too."""
 
@@ -95,6 +94,8 @@ class _Counts:
     ranges: int = 0
     clouds: int = 0
     points: int = 0
+    packets_by_lzma: int = 0
+    clouds_by_lzma: int = 0
 
     def add(self, other: _Counts) -> None:
         self.packets += other.packets
@@ -103,6 +104,8 @@ class _Counts:
         self.ranges += other.ranges
         self.clouds += other.clouds
         self.points += other.points
+        self.packets_by_lzma += other.packets_by_lzma
+        self.clouds_by_lzma += other.clouds_by_lzma
 
 
 @dataclass(kw_only=True)
@@ -119,6 +122,10 @@ class RecordingSummary(_Counts):
         and values of clouds. Decoders limit this number.
     clouds, points
         Number of messages of the type PointCloud2, and number of points in them.
+    packets_by_lzma, clouds_by_lzma
+        Numbers of packets and messages that were found, but are not among `packets` and `clouds`:
+        LZMA compresses them like other bytes, since models would take more bytes or exceed a
+        decoder's limits. A decoder does not know these numbers; they are 0.
     bytes, compressed
         Size of the recording and size of its stream, in bytes.
     parts
@@ -232,14 +239,15 @@ def compress(
     with windows_of(recording) as windows, _written(out) as stream:
         summary.compressed = stream.write(start())
         path = recording if isinstance(recording, Path) else None
-        sensors, metadata = described_sensors(path)
-        formats = formats_of(sensors)
-        for record in _records(windows, formats, metadata, options, summary, report):
+        metadata = MetadataUse(path)
+        for record in _records(windows, metadata, options, summary, report):
             size = stream.write(record.packed())
             name = record.kind.name.lower()
             summary.parts[name] = summary.parts.get(name, 0) + size
             summary.compressed += size
         summary.bytes, summary.opened, summary.kept = windows.read, windows.opened, windows.kept
+        if not summary.packets and not summary.packets_by_lzma and not summary.clouds:
+            metadata.tell_unused()
     return summary
 
 
@@ -317,8 +325,7 @@ def _written(out: Path | IO[bytes]) -> Iterator[IO[bytes]]:
 
 def _records(
     windows: Windows,
-    formats: list[PacketFormat],
-    metadata: bytes,
+    metadata: MetadataUse,
     options: CodingOptions,
     summary: RecordingSummary,
     report: Report | None,
@@ -327,12 +334,14 @@ def _records(
     if report is None or windows.size is None:
         report = _no_report
     encoder, done = _BatchEncoder(options), 0
-    for window in search(windows, formats):
+    for window in search(windows, metadata.formats):
         yield from windows.take_records()
-        is_short = 0 < len(metadata) <= _MOST_METADATA
-        if is_short and window.packets.places.size and window.packets.format is not VELODYNE:
-            yield Record(RecordKind.METADATA, compress_bytes(metadata))
-            summary.metadata, metadata = metadata, b""
+        for each in window.packets:
+            if metadata.describes(each.format) and (
+                content := metadata.take(each.located(window.data))
+            ):
+                yield Record(RecordKind.METADATA, compress_bytes(content))
+                summary.metadata = content
         batches = encoder.batches(window, partial(_report_at, report, windows, done))
         done += len(window.data)
         batch = next(batch for batch in batches if _fits(batch, summary, done))
@@ -374,12 +383,22 @@ class FoundPackets(NamedTuple):
         pieces = zip(self.format.starts.tolist(), self.format.pieces, strict=True)
         return np.concatenate([views[:, at : at + size] for at, size in pieces], axis=1)
 
+    def located(self, data: Bytes) -> LocatedPackets:
+        return LocatedPackets(self.format, self.places, self.payloads(data))
+
     def turns(self, data: Bytes) -> Iterator[tuple[Kind, Payloads]]:
         return self.format.split_turns(self.payloads(data)) if len(self.places) else iter(())
 
     def pieces(self) -> Pieces:
         starts = (self.places[:, None] + self.format.starts).ravel()
         return np.stack([starts, starts + np.tile(self.format.pieces, len(self.places))], axis=1)
+
+    def spans(self) -> Pieces:
+        return np.stack([self.places, self.places + self.format.span], axis=1)
+
+    def before(self, end: int) -> FoundPackets:
+        """Return the packets that lie before a position."""
+        return self._replace(places=self.places[self.places + self.format.span <= end])
 
     def outside(self, clouds: Pieces) -> FoundPackets:
         """Return the packets that have no byte in common with the clouds."""
@@ -391,11 +410,11 @@ class FoundPackets(NamedTuple):
 class Window(NamedTuple):
     """Part of a recording's content, and what was found in it.
 
-    The packets are of the format that covers most of the part.
+    Packets of several formats have no byte in common; those of which there are most come first.
     """
 
     data: Bytes
-    packets: FoundPackets
+    packets: list[FoundPackets]
     clouds: list[FoundCloud]
 
 
@@ -407,17 +426,17 @@ def search(windows: Windows, formats: list[PacketFormat]) -> Iterator[Window]:
     is_last = windows.size == 0
     while not is_last:
         data, clouds, cut, is_last = _next_window(windows)
-        packets = _find(formats, data).outside(
-            _pieces_of(clouds if cut is None else [*clouds, cut])
-        )
+        packets = _find(formats, data, _pieces_of(clouds if cut is None else [*clouds, cut]))
         end = len(data)
         if not is_last:
             largest = max(each.span for each in formats)
             end = end - largest + 1 if cut is None else cut.head
-            end = max(end, packets.end(), *(cloud.end for cloud in clouds))
-            whole = _without_last_turn(packets, data)
-            if len(whole.places) < len(packets.places) and not clouds and cut is None:
-                packets, end = whole, whole.end()
+            end = max([end, *(each.end() for each in packets), *(cloud.end for cloud in clouds)])
+            if packets and not clouds and cut is None:
+                whole = _without_last_turn(packets[0], data)
+                if len(whole.places) < len(packets[0].places):
+                    end = whole.end()
+                    packets = [each.before(end) for each in packets]
         yield Window(data[:end], packets, clouds)
         windows.skip(end)
 
@@ -449,14 +468,32 @@ def _without_last_turn(packets: FoundPackets, window: Bytes) -> FoundPackets:
     return packets._replace(places=packets.places[:count]) if is_late else packets
 
 
-def _find(formats: list[PacketFormat], data: Bytes) -> FoundPackets:
-    best = FoundPackets(formats[0], formats[0].find(data))
-    for each in formats[1:]:
-        if 2 * best.bytes() > len(data):
+def _find(formats: list[PacketFormat], data: Bytes, clouds: Pieces) -> list[FoundPackets]:
+    """Return the packets of each format outside clouds and packets of formats with more bytes.
+
+    Formats are not searched for when few bytes are left.
+    """
+    found, left = list[FoundPackets](), len(data) - int(np.diff(clouds).sum())
+    for each in formats:
+        if found and _MOST_LEFT * left <= len(data):
             break
-        packets = FoundPackets(each, each.find(data))
-        best = max(best, packets, key=FoundPackets.bytes)
-    return best
+        packets = FoundPackets(each, each.find(data)).outside(clouds)
+        if len(packets.places):
+            found.append(packets)
+            left -= packets.bytes()
+    found.sort(key=FoundPackets.bytes, reverse=True)
+    kept, taken = list[FoundPackets](), clouds
+    for packets in found:
+        outside = packets.outside(taken)
+        if len(outside.places):
+            kept.append(outside)
+            taken = _sorted_pieces([taken, outside.spans()])
+    return kept
+
+
+def _sorted_pieces(parts: list[Pieces]) -> Pieces:
+    pieces = np.concatenate(parts)
+    return pieces[np.argsort(pieces[:, 0])]
 
 
 def _gaps_of(content: bytes, encode: Callable[[list[bytes]], bytes]) -> _Batch:
@@ -480,57 +517,65 @@ class _BatchEncoder:
         sensor = self._sensor
         batch, content = self._batch(window, report), window.data.tobytes()
         plain = None
-        if window.clouds and len(content) >= _LEAST_PLAIN:
-            quick_size = len(compressed(content, _QUICKLY, long=True))
-            plain = _gaps_of(content, encode_gaps) if quick_size < _CLOSE * batch.size else None
+        if window.clouds and (
+            len(content) <= _ALWAYS_PLAIN
+            or len(compressed(content, _QUICKLY, long=True)) < _CLOSE * batch.size
+        ):
+            plain = _gaps_of(content, encode_gaps)
         if plain is None or batch.size <= plain.size:
             yield batch
         self._sensor = sensor
         self._packets.clear()
         self._clouds = CloudsEncoder(self._options)
-        yield plain or _gaps_of(content, encode_gaps)
-        yield _gaps_of(content, store_gaps)
+        found = {"packets_by_lzma": batch.packets, "clouds_by_lzma": batch.clouds}
+        yield replace(plain or _gaps_of(content, encode_gaps), **found)
+        yield replace(_gaps_of(content, store_gaps), **found)
 
     def _batch(self, window: Window, report: Callable[[int], None]) -> _Batch:
         batch, (data, packets, clouds) = _Batch(), window
-        self._add_packets(data, packets, batch, report)
+        packets = self._add_packets(data, packets, batch, report)
         for cloud in clouds:
             batch.records += self._clouds.encode(cloud, data[cloud.start : cloud.end].tobytes())
             batch.clouds += 1
             batch.points += cloud.points
             batch.ranges += cloud_ranges(cloud.end - cloud.start)
             report(cloud.start)
-        pieces, places = packets.pieces(), _pieces_of(clouds)
+        pieces = _sorted_pieces([*(each.pieces() for each in packets), _pieces_of([])])
+        places = _pieces_of(clouds)
         if len(pieces) and clouds:
             body = b"".join(map(base_128, np.searchsorted(pieces[:, 0], places[:, 0]).tolist()))
             batch.records.append(Record(RecordKind.PLACES, body))
-        pieces = np.concatenate([pieces, places])
-        pieces = pieces[np.argsort(pieces[:, 0])]
+        pieces = _sorted_pieces([pieces, places])
         edges = [0, *pieces.ravel().tolist(), len(data)]
         gaps = [
             data[first:end].tobytes() for first, end in zip(edges[::2], edges[1::2], strict=True)
         ]
         # Gaps that are larger than the packets are content of other kinds.
-        are_headers = len(data) < 2 * packets.bytes()
+        are_headers = len(data) < 2 * sum(each.bytes() for each in packets)
         body = base_128(len(pieces)) + encode_gaps(gaps, are_headers)
         batch.records.append(Record(RecordKind.GAPS, body))
         return batch
 
     def _add_packets(
-        self, data: Bytes, packets: FoundPackets, batch: _Batch, report: Callable[[int], None]
-    ) -> None:
-        form, places = packets
-        if not len(places):
-            return
-        payloads = packets.payloads(data)
-        by_sensor, order = self._sorter.sort(data, form, places, payloads)
-        for sensor, rows in by_sensor.items():
+        self, data: Bytes, packets: list[FoundPackets], batch: _Batch, report: Callable[[int], None]
+    ) -> list[FoundPackets]:
+        """Add the records of packets to a batch, and return the packets, of which some may be left
+        out.
+        """
+        located = [each.located(data) for each in packets]
+        by_sensor, order, formats = self._sorter.sort(data, located)
+        places = np.sort(
+            np.concatenate([np.zeros(1, np.int64), *(located[k].places for k in formats)])
+        )
+        for sensor, (number, rows) in by_sensor.items():
             self._select(sensor, batch)
+            form, _, payloads = located[number]
             for kind, part in form.split_turns(payloads[rows]):
                 self._add_turn(kind, part, batch)
-                report(int(places[batch.packets - 1]))
+                report(int(places[batch.packets]))
         if order:
             batch.records.append(Record(RecordKind.ORDER, order))
+        return [packets[k] for k in formats]
 
     def _select(self, sensor: int, batch: _Batch) -> None:
         if sensor != self._sensor:
@@ -672,7 +717,7 @@ class _Restorer:
 
     def _add_metadata(self, body: bytes) -> None:
         check(not self._summary.metadata)
-        metadata = decompress_bytes(Reader(body), lambda size: check(size <= _MOST_METADATA))
+        metadata = decompress_bytes(Reader(body), lambda size: check(size <= MOST_METADATA))
         sensor_of(metadata, "its metadata")
         self._summary.metadata = metadata
 

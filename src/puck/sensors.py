@@ -6,7 +6,7 @@ which the packets lie in the recording.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -27,55 +27,97 @@ _UDP, _UDP_BYTES = 17, 8
 _SHIFT = np.dtype("<i4")
 
 
+class LocatedPackets(NamedTuple):
+    """Packets of one format in a part of a recording: their places (p,) and contents (p, bytes)."""
+
+    format: PacketFormat
+    places: NDArray[np.int64]
+    payloads: Payloads
+
+
+class SensorPackets(NamedTuple):
+    """Packets of one sensor: number of their format in a list, and their indices in its packets."""
+
+    format: int
+    rows: NDArray[np.intp]
+
+
 class SortedPackets(NamedTuple):
     """Packets of a part of a recording by sensor.
 
     Parameters
     ----------
     by_sensor
-        Indices of the packets of each sensor, in the order of the sensor's clock, by its number.
+        Packets of each sensor, in the order of the sensor's clock, by its number.
     order
         Body of the ORDER record; None if the recording has the packets in this order.
+    formats
+        Numbers of the formats whose packets are among them, as there may be too many sensors.
     """
 
-    by_sensor: dict[int, NDArray[np.intp]]
+    by_sensor: dict[int, SensorPackets]
     order: bytes | None
+    formats: list[int]
 
 
 class PacketSorter:
     """Sorts the packets of successive parts of a recording by sensor and by the sensor's clock.
 
     A sensor is known by the addresses and ports of its packets, if they have headers of IP and UDP,
-    and by its product.
+    by its product, and by the format of its packets.
     """
 
     def __init__(self) -> None:
         self._numbers: dict[bytes, int] = {}
+        self._last: dict[bytes, int] = {}
 
-    def sort(
-        self, content: Bytes, form: PacketFormat, places: NDArray[np.int64], payloads: Payloads
-    ) -> SortedPackets:
-        """Sort the packets (p, bytes) of format `form` at `places` in a part's content."""
+    def sort(self, content: Bytes, found: Sequence[LocatedPackets]) -> SortedPackets:
+        """Sort packets of several formats, which were found in a part's content."""
+        by_sensor = dict[int, SensorPackets]()
+        formats, all_places, all_sensors, all_shifts = list[int](), [], [], []
+        for k, (form, places, payloads) in enumerate(found):
+            sensors = self._sensors(content, found[k])
+            if sensors is None:
+                continue
+            shifts = np.zeros(len(sensors), _SHIFT)
+            for number in np.unique(sensors).tolist():
+                rows = np.flatnonzero(sensors == number)
+                in_order = sorted_rows(form.motion(payloads[rows]))
+                if in_order is not None:
+                    shifts[rows] = np.argsort(in_order) - np.arange(len(rows))
+                    rows = rows[in_order]
+                by_sensor[number] = SensorPackets(k, rows)
+            formats.append(k)
+            all_places.append(places)
+            all_sensors.append(sensors)
+            all_shifts.append(shifts)
+        if not formats:
+            return SortedPackets({}, None, [])
+        recorded = np.argsort(np.concatenate(all_places), kind="stable")
+        shifts = np.concatenate(all_shifts)[recorded]
+        is_sorted = not any(by_sensor) and not shifts.any()
+        order = np.concatenate(all_sensors)[recorded].tobytes() + shifts.tobytes()
+        return SortedPackets(by_sensor, None if is_sorted else compress_bytes(order), formats)
+
+    def _sensors(self, content: Bytes, found: LocatedPackets) -> NDArray[np.uint8] | None:
+        """Return the number of each packet's sensor (p,), or None if none is left for a format."""
+        form, places, payloads = found
+        of_format = np.array([form.span, form.hole], "<u4").tobytes()
         keys = np.concatenate(
             [_addresses(content, form, places), form.products(payloads)[:, None]], axis=1
         )
         present, first, inverse = np.unique(keys, axis=0, return_index=True, return_inverse=True)
         numbers = np.zeros(len(present), np.uint8)
         for k in np.argsort(first).tolist():
-            number = min(len(self._numbers), _MOST_SENSORS - 1)
-            numbers[k] = self._numbers.setdefault(present[k].tobytes(), number)
-        sensors = numbers[inverse.reshape(-1)]
-        by_sensor, shifts = {}, np.zeros(len(sensors), _SHIFT)
-        for number in np.unique(sensors).tolist():
-            rows = np.flatnonzero(sensors == number)
-            in_order = sorted_rows(form.clock_steps(payloads[rows]))
-            if in_order is not None:
-                shifts[rows] = np.argsort(in_order) - np.arange(len(rows))
-                rows = rows[in_order]
-            by_sensor[number] = rows
-        is_sorted = len(by_sensor) <= 1 and not shifts.any()
-        order = compress_bytes(sensors.tobytes() + shifts.tobytes())
-        return SortedPackets(by_sensor, None if is_sorted else order)
+            key = of_format + present[k].tobytes()
+            if key not in self._numbers:
+                is_full = len(self._numbers) >= _MOST_SENSORS
+                if is_full and of_format not in self._last:
+                    return None
+                number = self._last[of_format] if is_full else len(self._numbers)
+                self._numbers[key] = self._last[of_format] = number
+            numbers[k] = self._numbers[key]
+        return numbers[inverse.reshape(-1)]
 
 
 def _addresses(content: Bytes, form: PacketFormat, places: NDArray[np.int64]) -> Bytes:

@@ -14,12 +14,12 @@ import numpy as np
 from pointkit.coding.byte_io import Reader
 from pointkit.files import open_file
 from puck.gaps import decode_gaps, decompress_bytes
+from puck.metadata import read_metadata
 from puck.packet_kinds import (
     Kind,
     PacketFormat,
     PacketsDecoder,
     decode_kind,
-    described_sensors,
     formats_of,
 )
 from puck.recording import FoundPackets, search
@@ -136,17 +136,18 @@ def _index_of_recording(path: Path) -> TurnIndex | None:
     with windows_of(path) as windows:
         if not is_packet_capture(windows.next(_START_BYTES)[0].tobytes()):
             return None
-        sensors, metadata = described_sensors(path)
-        formats = formats_of(sensors)
-        for content, packets, _ in search(windows, formats):
-            form, places = packets
-            if not len(places):
+        metadata = read_metadata(path)
+        formats = formats_of(metadata.sensors)
+        for content, all_packets, _ in search(windows, formats):
+            if not all_packets:
                 done += len(content)
                 continue
-            by_sensor, order = sorter.sort(content, form, places, packets.payloads(content))
+            packets, *others = all_packets
+            form, places = packets
+            by_sensor, order, _ = sorter.sort(content, [packets.located(content)])
             turns = [*packets.turns(content)]
             found |= {(kind, formats.index(form), *by_sensor) for kind, _ in turns}
-            if order or len(found) > 1:
+            if others or order or len(found) > 1:
                 return None
             counts = [len(payloads) for _, payloads in turns]
             lengths += counts
@@ -157,7 +158,7 @@ def _index_of_recording(path: Path) -> TurnIndex | None:
         if not found or not _are_alike(lengths):
             return None
         ((kind, number, _),) = found
-        return _RecordingIndex(path, kind, metadata, formats[number], spans)
+        return _RecordingIndex(path, kind, metadata.content, formats[number], spans)
 
 
 @dataclass(frozen=True)
@@ -213,7 +214,7 @@ def _index_of_stream(path: Path) -> TurnIndex | None:
         if not is_packet_capture(gaps[0][:_START_BYTES]):
             return None
         layout = read_record(file, layouts[0].at).body
-        metadata = _metadata(file, places) or described_sensors(path)[1]
+        metadata = _metadata(file, places) or read_metadata(path).content
         gaps = gaps if _is_first(places, RecordKind.TURN, RecordKind.GAPS) else gaps[:0]
         return _StreamIndex(path, decode_kind(layout), metadata, layout, places, starts, gaps)
 

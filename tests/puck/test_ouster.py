@@ -15,7 +15,7 @@ from puck import CodingOptions, compress, decode_turns, decompress
 from puck.recording import RecordingSummary
 from puck.recordings.ouster import PROFILES, OusterSensor, ouster_turns, read_sensor
 from puck.recordings.ouster_packets import OusterKind
-from tests.support.ouster import capture, metadata
+from tests.support.ouster import SERIAL, TICKS, capture, metadata
 
 WHOLE = 1 << 16
 
@@ -39,9 +39,11 @@ def sent(
     columns["time"] = (10**18 + since).reshape(turns, count)
     columns["status"] = 1
     if sensor.profile == "LEGACY":
-        columns["frame"], columns["encoder"] = np.arange(turns)[:, None], 88 * np.arange(count)
+        columns["frame"] = np.arange(turns)[:, None]
+        columns["encoder"] = TICKS // count * np.arange(count)
     else:
         packets["frame"] = np.arange(turns)[:, None]
+        packets["serial"] = np.frombuffer(SERIAL.to_bytes(5, "little"), np.uint8)
     words = columns["pixels"]
     around = np.arange(count)[:, None] / count * 2 * np.pi
     for field in (*PROFILES[sensor.profile].ranges, *(each.field for each in kind.channels)):

@@ -19,6 +19,7 @@ from tests.support.spinning import (
     DUAL,
     HDL32E,
     HDL64E,
+    PACKET,
     STRONGEST,
     VLP16,
     nothing_seen,
@@ -177,3 +178,36 @@ def test_damaged_records_end_in_one_error(kind: RecordKind, tmp_path: Path) -> N
     (tmp_path / "bad.puck").write_bytes(join_records([*whole[:place], *whole[place + 1 : -1]]))
     with pytest.raises(InputError, match=r"bad\.puck"):
         decompress(tmp_path / "bad.puck", tmp_path / "out")
+
+
+@pytest.mark.parametrize("leap_us", [-400_000, -50_000, -24_900, 100_000])
+def test_a_leap_of_the_clock_costs_little_and_mixes_no_turns(leap_us: int, tmp_path: Path) -> None:
+    """Two turns of these packets take 49.8 ms."""
+    packets = spin(packets=120)
+    plain = there_and_back(tmp_path, pcap(rows(packets)))
+    table = packets.copy().view(PACKET)[:, 0]
+    after = table["time"][60:].astype(np.int64) + leap_us
+    table["time"][60:] = after % 3_600_000_000
+    leapt = table.view(np.uint8).reshape(len(packets), -1)
+    account = there_and_back(tmp_path, pcap(rows(leapt)))
+    assert "order" not in account.parts
+    assert account.compressed < 1.01 * plain.compressed
+    turns = [turn.ranges for turn in decode_turns((tmp_path / "small.puck").read_bytes())]
+    assert same(turns, turns_of(packets))
+
+
+def test_a_sensor_that_is_alone_in_a_part_comes_back(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The other sensor stops early, so that later parts have packets of the second only."""
+    monkeypatch.setattr("puck.recording._WINDOW", 50_000)
+    one, other = rows(spin(packets=20)), rows(spin(packets=150, seed=1))
+    frames = both([sent(row, FIRST) for row in one], [sent(row, SECOND) for row in other[:20]])
+    frames += [sent(row, SECOND) for row in other[20:]]
+    assert there_and_back(tmp_path, pcap_of_frames(*frames)).packets == 170
+
+
+def test_many_sensors_share_numbers_with_those_of_their_format(tmp_path: Path) -> None:
+    packets = rows(spin(packets=60))
+    frames = [sent(row, FIRST, 2000 + number % 20) for number, row in enumerate(packets)]
+    assert there_and_back(tmp_path, pcap_of_frames(*frames)).packets == 60

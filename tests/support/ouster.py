@@ -102,7 +102,7 @@ def packets(
     for first in range(0, ranges.shape[1], 16):
         body = b""
         for column in range(first, first + 16):
-            time = 5_000_000_000 + frame * 100_000_000 + column * 100_000
+            time = 5_000_000_000 + (frame * ranges.shape[1] + column) * 100_000
             head = struct.pack("<QH", time, column)
             head += (
                 struct.pack("<HI", frame, column * TICKS // ranges.shape[1])

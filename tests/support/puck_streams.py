@@ -63,7 +63,10 @@ class RecordingDecoder:
                 whole.write_bytes(ouster.capture([*packets[:2], b"\0" * 48, *packets[2:]]))
                 compress(whole, small, CodingOptions(effort=effort))
                 result.append(small.read_bytes())
-        return result
+            others = rows(spin(packets=6, rise=700))
+            whole.write_bytes(ouster.capture([*packets[:2], *others, *packets[2:]]))
+            compress(whole, small)  # packets of two formats
+            return [*result, small.read_bytes()]
 
     def decode(self, stream: bytes) -> NDArray[np.float64]:
         """The recording's bytes."""

@@ -69,7 +69,8 @@ def return_table_of(returns: Returns, sequence_us: float = 0.0) -> ReturnTable:
     Returns
     -------
     ReturnTable
-        The table. The name of the sensor is in ``about``.
+        The table. Its ``about`` has the name of the sensor (``sensor``) and, for each of its
+        lasers, the rank by elevation (``rings``), 0 for the lowest.
     """
     parts = [_rows(returns, turn, sequence_us) for turn in returns.turns]
     counts = [len(part["laser_id"]) for part in parts]
@@ -80,7 +81,8 @@ def return_table_of(returns: Returns, sequence_us: float = 0.0) -> ReturnTable:
     columns |= dict(zip("xyz", returns.points().T, strict=True))
     kinds = RETURN_COLUMNS.items()
     table = {name: columns[name].astype(kind, copy=False) for name, (kind, *_) in kinds}
-    return ReturnTable(table, {"sensor": returns.sensor})
+    rings = np.argsort(returns.layout.order).tolist()
+    return ReturnTable(table, {"sensor": returns.sensor, "rings": rings})
 
 
 def _rows(returns: Returns, turn: Turn, sequence_us: float) -> dict[str, NDArray[Any]]:

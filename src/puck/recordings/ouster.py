@@ -245,6 +245,21 @@ def metadata_beside(recording: Path) -> Path | None:
     return max(fitting, key=lambda path: len(path.stem), default=None)
 
 
+def all_metadata_beside(recording: Path) -> list[Path]:
+    """Return the JSON files that may describe the sensors of a recording.
+
+    The first is that of `metadata_beside`. The others are ``x_0.json``, ``x_1.json`` and so on for
+    ``x.pcap``, as the maker's tools name those of several sensors.
+    """
+    first, stem = metadata_beside(recording), recording.stem
+    numbered = [
+        path
+        for path in sorted(recording.parent.glob("*.json"))
+        if path.stem.startswith(f"{stem}_") and path.stem[len(stem) + 1 :].isdecimal()
+    ]
+    return [*([first] if first else []), *(path for path in numbered if path != first)]
+
+
 def write_metadata_beside(recording: Path, metadata: bytes) -> None:
     """Write a sensor's metadata to the JSON file beside a recording.
 
@@ -387,11 +402,16 @@ def is_size_of_packets(size: int) -> bool:
     return any(size == packet_type(*each).itemsize for each in product(PROFILES, _LASERS))
 
 
-def serial_of(sensor: OusterSensor, payload: bytes) -> int | None:
-    """Return the sensor's serial number in a packet; None for early firmware, which sends none."""
-    if sensor.profile == LEGACY:
-        return None
-    return int.from_bytes(np.frombuffer(payload, sensor.packet)["serial"].tobytes(), "little")
+def serials_of(packets: NDArray[Any]) -> list[int]:
+    """Return the serial numbers of sensors in packets (p,), most frequent first.
+
+    Packets of early firmware have none.
+    """
+    if "serial" not in (packets.dtype.names or ()):
+        return []
+    rows, counts = np.unique(packets["serial"], axis=0, return_counts=True)
+    order = np.argsort(-counts, kind="stable")
+    return [int.from_bytes(rows[k].tobytes(), "little") for k in order.tolist()]
 
 
 class OusterTurns(NamedTuple):
@@ -460,7 +480,7 @@ def numbered_columns(
     """
     packets = np.ascontiguousarray(payloads).view(sensor.packet)[:, 0]
     columns = packets["columns"].reshape(-1)
-    frames = np.repeat(_frames(sensor, packets), sensor.columns_per_packet)
+    frames = np.repeat(revolutions(packets), sensor.columns_per_packet)
     is_data = (columns["status"] & 1 == 1) & (columns["column"] < sensor.columns)
     return frames[is_data], columns[is_data]
 
@@ -500,14 +520,21 @@ def packet_times(packets: NDArray[Any]) -> NDArray[np.int64]:
 
 def frame_numbers(packets: NDArray[Any]) -> NDArray[np.int64]:
     """Return each packet's counter of revolutions (p,), which wraps around."""
+    return _counters(packets).astype(np.int64)
+
+
+def _counters(packets: NDArray[Any]) -> NDArray[Any]:
     is_legacy = "frame" not in (packets.dtype.names or ())
-    numbers = packets["columns"]["frame"][:, 0] if is_legacy else packets["frame"]
-    return np.asarray(numbers, dtype=np.int64)
+    return np.asarray(packets["columns"]["frame"][:, 0] if is_legacy else packets["frame"])
 
 
-def _frames(sensor: OusterSensor, packets: NDArray[Any]) -> NDArray[np.int64]:
+def revolutions(packets: NDArray[Any]) -> NDArray[np.int64]:
+    """Return the number of the revolution of each packet (p,), which does not wrap around.
+
+    Where the sensor starts anew, the number goes on with the next revolution.
+    """
     counters = frame_numbers(packets)
-    half = 1 << (31 if sensor.is_fusa else 15)
+    half = 1 << (8 * _counters(packets).itemsize - 1)
     steps = (np.diff(counters, prepend=counters[:1]) + half) % (2 * half) - half
     return np.cumsum(np.where(steps < -_MOST_LATE, 1, steps))
 

@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
-from collections import Counter
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from pointkit.errors import InputError
-from puck.recordings.ouster import LEGACY, OusterSensor, frame_numbers, serial_of
+from puck.recordings.ouster import LEGACY, OusterSensor, frame_numbers, serials_of
 from puck.recordings.packets import PacketLog, joined
 
 _ENCODER_TICKS = 90112
@@ -51,15 +50,36 @@ def ouster_log(
     """
     log = joined(payloads, received or [], about, sensor.packet.itemsize)
     packets = log.payloads.view(sensor.packet)[:, 0]
-    serials = Counter(serial_of(sensor, payload) for payload in payloads)
-    if sensor.serial and not {None, sensor.serial} & serials.keys():
-        other = serials.most_common(1)[0][0]
-        raise InputError(f"packets of the sensor {other}, and {described} is of {sensor.serial}")
-    if fault := _wrong_columns(sensor, packets):
-        raise InputError(f"{fault}, and {described} is of {sensor.columns:,} columns per turn")
+    if contradiction := find_contradiction(sensor, packets):
+        raise InputError(f"{contradiction.seen}, and {described} is of {contradiction.stated}")
     if received is None:
         log = replace(log, received=packets["columns"]["time"][:, 0] * 1e-9)
     return replace(log, sensor=sensor)
+
+
+class Contradiction(NamedTuple):
+    """How packets contradict a sensor's metadata: what was seen, and what the metadata state."""
+
+    seen: str
+    stated: str
+
+
+def find_contradiction(sensor: OusterSensor, packets: NDArray[Any]) -> Contradiction | None:
+    """Return what shows that packets are not of the sensor that the metadata describe, or None.
+
+    Parameters
+    ----------
+    sensor
+        The sensor's metadata.
+    packets
+        Packets of the sensor's size, (p,), as records of the type `OusterSensor.packet`.
+    """
+    serials = serials_of(packets)
+    if sensor.serial and serials and sensor.serial not in serials:
+        return Contradiction(f"packets of the sensor {serials[0]}", f"{sensor.serial}")
+    if fault := _wrong_columns(sensor, packets):
+        return Contradiction(fault, f"{sensor.columns:,} columns per turn")
+    return None
 
 
 def unknown_facts(sensor: OusterSensor) -> list[str]:

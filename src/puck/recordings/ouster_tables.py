@@ -27,7 +27,8 @@ def ouster_table(sensor: OusterSensor, payloads: NDArray[np.uint8]) -> ReturnTab
     -------
     ReturnTable
         The returns. Of the columns ``signal`` and ``near_infrared``, it has those that the sensor
-        reports in this format of packets.
+        reports in this format of packets. The attribute ``about`` has the keys of
+        `packet_turns.decode_packets`.
 
     Raises
     ------
@@ -35,7 +36,7 @@ def ouster_table(sensor: OusterSensor, payloads: NDArray[np.uint8]) -> ReturnTab
         No column of the packets contains data.
     """
     columns_of = columns_of_turns(sensor, payloads)
-    returns = decoded_turns(sensor, columns_of).returns
+    returns, whole = decoded_turns(sensor, columns_of)
     if not returns.turns:
         raise InputError("no column with data in the recording")
     table = return_table_of(returns)
@@ -57,5 +58,10 @@ def ouster_table(sensor: OusterSensor, payloads: NDArray[np.uint8]) -> ReturnTab
         if name in parts
     }
     kinds_told = "dual" if sensor.layout.kinds == 2 else "strongest"
-    about = {**table.about, "returns": kinds_told, "packets": len(payloads)}
-    return replace(table, columns={**table.columns, **further}, about=about)
+    about = {
+        "returns": kinds_told,
+        "packets": len(payloads),
+        "whole_turns": [whole.start, whole.stop],
+    }
+    all_columns = {**table.columns, **further}
+    return replace(table, columns=all_columns, about={**table.about, **about})

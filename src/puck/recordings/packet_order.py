@@ -18,58 +18,33 @@ from numpy.typing import NDArray
 from pointkit.errors import InputError
 from pointkit.geometry.cloud import Floats
 from pointkit.lidar.returns import HOUR_US
-from pointkit.lidar.turns import CENTIDEGREES, clock_steps
-from puck.recordings.ouster import (
-    OusterSensor,
-    numbered_columns,
-    packet_times,
-    window_places,
+from pointkit.lidar.turns import CENTIDEGREES
+from puck.recordings.clock_leaps import (
+    FEWEST_STEPS,
+    LEAP_US,
+    MOST_OFF,
+    MOST_USUAL,
+    Motion,
+    clock_epochs,
+    find_leaps,
+    motion_of,
 )
+from puck.recordings.ouster import OusterSensor, numbered_columns, window_places
 from puck.recordings.ouster_logs import unknown_facts
 from puck.recordings.packets import PACKET, PacketLog
 
-_LEAP_US = 5e5
-"""Smallest step of a clock, in us, that is a leap. Later packets are not sorted."""
 _MOST_PLACES = 1 << 13
 """Maximum number of places by which sorting may move a packet. This is more packets than a sensor
 sends in 0.5 s, which is the longest delay that is sorted."""
-_FEWEST_STEPS = 15
-"""Least number of steps between packets from which the usual step is estimated."""
-_MOST_USUAL, _MOST_OFF = 1.5, 0.5
-"""Limits of usual times between packets and of the rotation rate's deviation.
-
-Both are relative to the medians.
-"""
-_RECEIVED_ALIKE = 0.1
-"""Limit of the difference between a step of the clock and the time between receptions.
-
-The limit is a share of the step. Below it, a large step is a pause, not a leap.
-"""
 
 
-def packet_steps(payloads: NDArray[np.uint8], packet: np.dtype[Any]) -> Floats:
-    """Return the steps of the sensor's clock between packets, (p - 1,), in us.
-
-    Parameters
-    ----------
-    payloads
-        Packets of one sensor, (p, bytes).
-    packet
-        Structure of a packet: `PACKET` of a Velodyne, or that of an Ouster.
-    """
-    packets = payloads.view(packet)[:, 0]
-    if packet == PACKET:
-        return clock_steps(packets["time_us"].astype(np.float64), HOUR_US)
-    return np.diff(packet_times(packets)) / 1000
-
-
-def sorted_rows(steps_us: Floats) -> NDArray[np.intp] | None:
+def sorted_rows(motion: Motion) -> NDArray[np.intp] | None:
     """Return the order of packets by the sensor's clock, which is kept where the clock leaps.
 
     Parameters
     ----------
-    steps_us
-        Steps of the clock between successive packets, (p - 1,), in us.
+    motion
+        Clock and rotation of the sensor between the packets, of which there are p.
 
     Returns
     -------
@@ -77,18 +52,18 @@ def sorted_rows(steps_us: Floats) -> NDArray[np.intp] | None:
         Indices of the packets in the order of the clock; None if the packets are in this order, or
         so far from it that the clock is none, as when few packets are sent again and again.
     """
-    is_leap = np.abs(steps_us) >= _LEAP_US
-    if not ((steps_us < 0) & ~is_leap).any():
+    if not (motion.steps_us < 0).any():
         return None
-    elapsed, leaps = (np.append(0, np.cumsum(each)) for each in (steps_us, is_leap))
-    rows = np.lexsort((elapsed, leaps))
-    return rows if np.abs(rows - np.arange(len(rows))).max() <= _MOST_PLACES else None
+    elapsed = np.append(0, np.cumsum(motion.steps_us))
+    rows = np.lexsort((elapsed, clock_epochs(motion, find_leaps(motion))))
+    moved = np.abs(rows - np.arange(len(rows))).max()
+    return rows if 0 < moved <= _MOST_PLACES else None
 
 
 def is_regular(log: PacketLog) -> bool:
     """Return whether the clock never falls, and has no step that may be a leap."""
-    steps = _clock_steps(log)
-    return bool(((steps >= 0) & (steps < _LEAP_US)).all())
+    motion = _motion(log)
+    return bool((motion.steps_us >= 0).all() and not find_leaps(motion).any())
 
 
 def in_order(log: PacketLog) -> PacketLog:
@@ -96,11 +71,12 @@ def in_order(log: PacketLog) -> PacketLog:
 
     The result's `about` counts the packets that were late.
     """
-    steps = _clock_steps(log)
-    rows = sorted_rows(steps)
+    motion = _motion(log)
+    rows = sorted_rows(motion)
     if rows is None:
         return log
-    late = int(((steps < 0) & (steps > -_LEAP_US)).sum())
+    passed = np.diff(clock_epochs(motion, find_leaps(motion)))
+    late = int(((passed < 0) | (passed == 0) & (motion.steps_us < 0)).sum())
     payloads, received = log.payloads[rows], log.received[rows]
     return replace(
         log, payloads=payloads, received=received, about={**log.about, "late_packets": late}
@@ -110,17 +86,19 @@ def in_order(log: PacketLog) -> PacketLog:
 def without_leaps(log: PacketLog) -> PacketLog:
     """Return packets whose clock does not leap.
 
-    Where it leaps, the time between two packets becomes the time between their receptions or, if
-    this is not plausible, the usual time. The largest clock is kept, and the others are put
-    forward.
+    Where it leaps by 0.5 s or more, the time between two packets becomes the time between their
+    receptions or, if this is not plausible, the usual time. Where it leaps by less, it becomes the
+    usual time. The largest clock is kept, and the others are put forward.
     """
-    steps, is_leap = _steps_and_leaps(log)
+    motion = _motion(log)
+    steps, is_leap = motion.steps_us, find_leaps(motion, log.received)
     if not is_leap.any():
         return log
     is_usual = (steps > 0) & ~is_leap
     usual = float(np.median(steps[is_usual])) if is_usual.any() else 0.0
     apart_us = np.diff(log.received) * 1e6
-    run_on = np.where((apart_us > usual) & (apart_us < _LEAP_US), apart_us, usual)
+    is_plausible = (apart_us > usual) & (apart_us < LEAP_US)
+    run_on = np.where(is_plausible & (np.abs(steps) >= LEAP_US), apart_us, usual)
     leapt = np.append(0, np.cumsum(np.where(is_leap, steps - run_on, 0)))
     forward_us = np.rint(leapt.max() - leapt).astype(np.int64)
     payloads = log.payloads.copy()
@@ -128,8 +106,27 @@ def without_leaps(log: PacketLog) -> PacketLog:
     if log.sensor is None:
         packets["time_us"] = (packets["time_us"].astype(np.int64) + forward_us) % HOUR_US
     else:
-        packets["columns"]["time"] += 1000 * forward_us[:, None].astype(np.uint64)
+        times = packets["columns"]["time"]
+        forward_us = _of_columns(times, forward_us, np.flatnonzero(is_leap))
+        packets["columns"]["time"] = times + 1000 * forward_us.astype(np.uint64)
     return replace(log, payloads=payloads)
+
+
+def _of_columns(
+    times: NDArray[np.uint64], forward_us: NDArray[np.int64], leaps: NDArray[np.intp]
+) -> NDArray[np.int64]:
+    """Return by how much columns (p, c) are put forward if the clock leaps after packets `leaps`.
+
+    If it leaps within such a packet, the columns after the leap are put forward like the next
+    packet.
+    """
+    of_columns = np.repeat(forward_us[:, None], times.shape[1], axis=1)
+    for packet in leaps.tolist():
+        steps_us = np.diff(times[packet].astype(np.int64)) / 1000
+        off = np.abs(steps_us - np.median(steps_us))
+        if len(off) and off.max() > abs(forward_us[packet + 1] - forward_us[packet]) / 2:
+            of_columns[packet, int(np.argmax(off)) + 1 :] = forward_us[packet + 1]
+    return of_columns
 
 
 def tell_irregularities(source: Path, log: PacketLog) -> None:
@@ -146,7 +143,7 @@ def tell_irregularities(source: Path, log: PacketLog) -> None:
         told += _of_velodyne(log)
     else:
         told += [*unknown_facts(log.sensor), *_of_ouster(log.sensor, log)]
-    back = np.diff(log.received) * 1e6 <= -_LEAP_US
+    back = np.diff(log.received) * 1e6 <= -LEAP_US
     if back.any():
         told.append(f"times of reception go back ({_first(back, len(log))})")
     for line in told:
@@ -155,12 +152,12 @@ def tell_irregularities(source: Path, log: PacketLog) -> None:
 
 def _of_velodyne(log: PacketLog) -> list[str]:
     steps, is_leap = _steps_and_leaps(log)
-    if len(steps) < _FEWEST_STEPS:
+    if len(steps) < FEWEST_STEPS:
         return []
     if not steps.any():
         return ["the sensor's clock stands still: points have no times"]
     usual = float(np.median(steps[steps > 0]))
-    is_gap = (steps > _MOST_USUAL * usual) & ~is_leap
+    is_gap = (steps > MOST_USUAL * usual) & ~is_leap
     lost = int((np.rint(steps[is_gap] / usual) - 1).sum())
     told = []
     if lost:
@@ -172,8 +169,8 @@ def _of_rotation(log: PacketLog, steps: Floats, usual: float) -> list[str]:
     azimuths = _viewed(log)["blocks"]["azimuth"][:, 0].astype(np.float64)
     half = CENTIDEGREES // 2
     rises = (np.mod(np.diff(azimuths) + half, CENTIDEGREES) - half) / 100
-    is_usual = (steps > usual / _MOST_USUAL) & (steps < usual * _MOST_USUAL)
-    if is_usual.sum() < _FEWEST_STEPS:
+    is_usual = (steps > usual / MOST_USUAL) & (steps < usual * MOST_USUAL)
+    if is_usual.sum() < FEWEST_STEPS:
         return []
     rates = np.divide(rises, steps, out=np.zeros(len(steps)), where=is_usual)
     rate = float(np.median(rates[is_usual]))
@@ -181,7 +178,7 @@ def _of_rotation(log: PacketLog, steps: Floats, usual: float) -> list[str]:
         raise InputError("the azimuths of its packets fall, where those of a Velodyne rise")
     if rate == 0:
         return ["the sensor does not turn: the azimuths of its packets do not rise"]
-    is_off = is_usual & (np.abs(rates - rate) > _MOST_OFF * rate)
+    is_off = is_usual & (np.abs(rates - rate) > MOST_OFF * rate)
     if not is_off.any():
         return []
     rise = f"{rises[np.argmax(is_off)]:.2f} degrees"
@@ -223,11 +220,11 @@ def _viewed(log: PacketLog) -> NDArray[Any]:
 
 def _steps_and_leaps(log: PacketLog) -> tuple[Floats, NDArray[np.bool_]]:
     """Return the steps of the clock between packets, in us, and which of them are leaps."""
-    steps = _clock_steps(log)
-    apart_us = np.diff(log.received) * 1e6
-    is_pause = np.abs(apart_us - steps) < _RECEIVED_ALIKE * np.abs(steps)
-    return steps, (np.abs(steps) >= _LEAP_US) & ~is_pause
+    motion = _motion(log)
+    return motion.steps_us, find_leaps(motion, log.received)
 
 
-def _clock_steps(log: PacketLog) -> Floats:
-    return packet_steps(log.payloads, log.sensor.packet if log.sensor else PACKET)
+def _motion(log: PacketLog) -> Motion:
+    if log.sensor is None:
+        return motion_of(log.payloads, PACKET)
+    return motion_of(log.payloads, log.sensor.packet, log.sensor.columns)

@@ -327,7 +327,8 @@ def decode_packets(payloads: Payloads, sensor: Sensor | None = None) -> ReturnTa
     -------
     ReturnTable
         The returns, with the number of the revolution as turn. The attribute ``about`` tells
-        sensor, return mode and number of packets.
+        sensor, return mode and number of packets, and the numbers of the first whole turn and of
+        the turn after the last whole one (``whole_turns``).
     """
     returns = returns_of_packets(payloads, sensor)
     product, number = kind_codes(payloads[:1])[0].tolist()
@@ -335,7 +336,9 @@ def decode_packets(payloads: Payloads, sensor: Sensor | None = None) -> ReturnTa
     table = return_table_of(returns, device.firing_sequence_us or 0.0)
     if mode == "last":
         table["return_kind"][:] = LAST
-    return replace(table, about={**table.about, "returns": mode, "packets": len(payloads)})
+    whole = [1, max(len(returns.turns) - 1, 1)]
+    about = {"returns": mode, "packets": len(payloads), "whole_turns": whole}
+    return replace(table, about={**table.about, **about})
 
 
 def packets_of(kind: PacketKind, turn: Turn, rest: Payloads | None = None) -> Payloads:

@@ -45,4 +45,5 @@ def run(options: argparse.Namespace) -> dict[str, Any]:
             path, sensor, *interval, stream, unit, options.capture, options.topic
         )
     write_column_table(options.out, table)
-    return {"points": len(table), "turns": int(table["turn"].max()) + 1, **table.about}
+    about = {name: value for name, value in table.about.items() if name != "rings"}
+    return {"points": len(table), "turns": int(table["turn"].max()) + 1, **about}

@@ -109,7 +109,7 @@ def _frames(
     from puckbench.recordings import frames
     from puckbench.recordings.cloud_messages import cloud_topic
     from puckbench.recordings.message_returns import iterate_messages
-    from puckbench.recordings.table_turns import whole_turns
+    from puckbench.recordings.table_turns import tell_cut_turns, whole_turns
     from puckbench.scene_sets.recordings import decompressed
     from puckbench.scene_sets.selected_turns import is_recording
     from virtual_lidar.scan_table import read_scan
@@ -135,6 +135,7 @@ def _frames(
         refuse(options, {"clean": False}, f"is for scans ({source})")
         _refuse_selection(options, "turns", "stream", "topic")
         table = read_return_table(source)
+        tell_cut_turns(source, table)
         made, count = frames.frames_of_table(table), len(whole_turns(table))
     elif source.suffix.lower() == ".parquet":
         _refuse_selection(options, "turns", "stream", "topic")

@@ -133,7 +133,8 @@ def returns_of_columns(
     table = {
         name: values.get(name, unknown).astype(kind) for name, (kind, *_) in RETURN_COLUMNS.items()
     }
-    return ReturnTable(table, {"sensor": device.name})
+    rings = np.argsort(np.argsort(device.laser_elevation_deg, kind="stable")).tolist()
+    return ReturnTable(table, {"sensor": device.name, "rings": rings})
 
 
 def _points(columns: Columns, label: str) -> Floats:

@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from cloud_files.clouds import read_cloud
 from cloud_files.poses import kitti_bytes, tum_bytes
@@ -31,7 +32,7 @@ from puckbench.recordings.export import (
     export_points,
 )
 from puckbench.recordings.pose_axes import in_axes_of_turns, pairs_apart, walls_of
-from puckbench.recordings.table_turns import turn_of_table, whole_turns
+from puckbench.recordings.table_turns import ranks, rings_of_table, turn_of_table, whole_turns
 from virtual_lidar.scan_returns import frame_poses, sensor_points
 from virtual_lidar.scan_table import ScanTable
 
@@ -205,7 +206,7 @@ def frames_of_table(table: ReturnTable, numbers: Iterable[int] | None = None) ->
     numbers
         Numbers of turns; by default, those that are not cut off (`whole_turns`).
     """
-    rings = _ranks(table["elevation"])
+    rings = rings_of_table(table)
     for number in whole_turns(table) if numbers is None else numbers:
         is_turn = table["turn"] == number
         turn = turn_of_table(table, number)
@@ -231,7 +232,7 @@ def frames_of_scan(table: ScanTable, clean: bool = False) -> Iterator[Frame]:
         Whether to take true distances instead of the measured ones.
     """
     points = sensor_points(table, "distance" if clean else "distance_noisy")
-    rings, poses = _ranks(table["pitch"]), frame_poses(table)
+    rings, poses = _rings_of_scan(table), frame_poses(table)
     hertz = table.about.get("sweep", {}).get("frames_per_second")
     for number in np.unique(table["frame"]).tolist():
         rows = np.flatnonzero(table["frame"] == number)
@@ -247,6 +248,9 @@ def frames_of_scan(table: ScanTable, clean: bool = False) -> Iterator[Frame]:
         yield Frame(begin, columns, None if poses is None else poses[number])
 
 
-def _ranks(elevations: Floats) -> Any:
-    """Return the rank of each elevation among the different elevations, from 0 for the lowest."""
-    return np.unique(elevations, return_inverse=True)[1].astype(np.uint16)
+def _rings_of_scan(table: ScanTable) -> NDArray[np.uint16]:
+    elevations = table.about.get("sensor", {}).get("laser_elevation_deg", ())
+    if not len(elevations) > table["laser_id"].max(initial=0):
+        return ranks(table["pitch"])
+    order = np.argsort(np.argsort(elevations, kind="stable")).astype(np.uint16)
+    return order[table["laser_id"]]

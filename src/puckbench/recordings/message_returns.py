@@ -30,6 +30,7 @@ from puckbench.recordings.fitted_lasers import fitted_lasers
 from puckbench.recordings.message_times import MessagePoints, seconds_of_messages, time_field
 
 _BATCH = 64
+_MOST_RING = 0xFFFF
 _log = logging.getLogger(__name__)
 
 
@@ -286,9 +287,17 @@ def _fitted(columns: Columns, label: str) -> tuple[Columns, Sensor, dict[str, An
     fitted = fitted_lasers(xyz, ring, columns["timestamp"], columns["turn"])
     rest = {each: values[fitted.is_used] for each, values in columns.items() if each not in LASERS}
     rest["ring"] = fitted.ranks[fitted.is_used]
-    about = fitted.about()
+    about = {**fitted.about(), **_rings(ring[fitted.is_used], rest["ring"])}
     left_out = about.get("points_left_out")
     if isinstance(left_out, int) and left_out:
         points = counted(left_out, "point")
         _log.warning("%s: left out %s of lasers with few points", label, points)
     return rest, fitted.sensor, about
+
+
+def _rings(numbers: NDArray[Any], ranks: NDArray[np.intp]) -> dict[str, list[int]]:
+    """Return the message's number of each laser, if the numbers ascend with the elevation."""
+    lasers, first = np.unique(ranks, return_index=True)
+    found = numbers[first].astype(np.int64)
+    is_rank = (np.diff(found) > 0).all() and found[0] >= 0 and found[-1] <= _MOST_RING
+    return {"rings": found.tolist()} if is_rank and len(lasers) == lasers[-1] + 1 else {}

@@ -18,8 +18,8 @@ class CaptureTables(RecordingSet):
     """The scenes are turns in tables of `puckbench capture` (.parquet), in metres.
 
     Points have the laser, the time and, if known, the reflectivity. Scenes are named after the file
-    and the turn (drive_0012). The first and the last turn are not used, because they may be cut
-    off, except in tables of one or two turns and in tables of ROS clouds.
+    and the turn (drive_0012). Turns that are cut off where the recording begins or ends are not
+    used, unless there is no other.
     """
 
     suffixes = (".parquet",)
@@ -43,6 +43,8 @@ class CaptureTables(RecordingSet):
 
     def _numbers(self, path: Path) -> list[int]:
         from pointkit.lidar.return_table import read_return_table
-        from puckbench.recordings.table_turns import whole_turns
+        from puckbench.recordings.table_turns import tell_cut_turns, whole_turns
 
-        return whole_turns(read_return_table(path))[:: self.every]
+        table = read_return_table(path)
+        tell_cut_turns(path, table)
+        return whole_turns(table)[:: self.every]

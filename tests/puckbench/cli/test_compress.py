@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from pointkit.errors import InputError
@@ -12,6 +13,7 @@ from puck import compress
 from puckbench.cli import main
 from puckbench.recordings.reading import read_packets
 from puckbench.scene_sets.recordings import decompressed
+from tests.support.cloud_bags import cloud_bag
 from tests.support.spinning import pcap, rows, spin
 
 
@@ -44,3 +46,21 @@ def test_a_compressed_recording_within_another_is_not_read(tmp_path: Path) -> No
         decompressed(tmp_path / "c.puck"),
     ):
         pass
+
+
+def test_clouds_that_lzma_compresses_are_told(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Of noise that comes again after another message, LZMA takes half of the bytes."""
+    random = np.random.default_rng(0)
+    kind = [(name, "<f4") for name in "xyz"]
+    one, other = (np.frombuffer(random.bytes(12 * 500), kind) for _ in range(2))
+    path = cloud_bag(tmp_path / "a.bag", {"/points": [one, other] * 2})
+    names = [str(tmp_path / name) for name in ("a.bag", "a.puck", "b.bag")]
+    assert main(["compress", *names[:2], "--json"]) == 0
+    out, error = capsys.readouterr()
+    assert json.loads(out)["clouds"] == 0
+    told = "LZMA alone compresses 4 PointCloud2 messages, as models would take more bytes"
+    assert f"{path}: {told}" in error
+    assert main(["decompress", *names[1:]]) == 0
+    assert (tmp_path / "b.bag").read_bytes() == path.read_bytes()

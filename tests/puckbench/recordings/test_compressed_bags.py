@@ -56,6 +56,13 @@ def image(rows: int = 16, columns: int = 90) -> Rows:
     return cloud
 
 
+@pytest.fixture
+def only_models(monkeypatch: pytest.MonkeyPatch) -> None:
+    """LZMA alone is not tried, which takes fewer bytes of small parts."""
+    monkeypatch.setattr(recording, "_ALWAYS_PLAIN", 0)
+    monkeypatch.setattr(recording, "_CLOSE", 0)
+
+
 def topics() -> dict[str, list[Rows]]:
     return {
         "/points": turns(3),
@@ -145,13 +152,13 @@ def odd_messages() -> dict[str, bytes]:
     }
 
 
+@pytest.mark.usefixtures("only_models")
 @pytest.mark.parametrize("name", odd_messages())
 @pytest.mark.parametrize("window", [1 << 24, 9001])
 def test_whatever_is_in_messages_comes_back(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, name: str, window: int
 ) -> None:
     monkeypatch.setattr(recording, "_WINDOW", window)
-    monkeypatch.setattr(recording, "_LEAST_PLAIN", 1 << 30)
     data = odd_messages()[name]
     assert there_and_back(tmp_path, data).clouds >= 1
 
@@ -161,6 +168,7 @@ def test_an_empty_message_is_no_cloud(tmp_path: Path) -> None:
     assert there_and_back(tmp_path, message).clouds == 0
 
 
+@pytest.mark.usefixtures("only_models")
 @pytest.mark.parametrize("window", [5000, 20_000, 60_000, 200_000])
 @pytest.mark.parametrize("suffix", FORMATS)
 def test_windows_cut_no_message(
@@ -172,6 +180,7 @@ def test_windows_cut_no_message(
     assert there_and_back(tmp_path, path.read_bytes()).clouds == 9
 
 
+@pytest.mark.usefixtures("only_models")
 @pytest.mark.parametrize("window", [1 << 24, 30_000])
 def test_packets_and_clouds_of_one_file_come_back(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, window: int
@@ -186,6 +195,7 @@ def test_packets_and_clouds_of_one_file_come_back(
     assert len(decode_turns((tmp_path / "small.puck").read_bytes())) == account.turns
 
 
+@pytest.mark.usefixtures("only_models")
 def test_packets_within_a_cloud_are_its_data(tmp_path: Path) -> None:
     packet = rows(spin(packets=1))[0]
     cloud = np.frombuffer(packet[:1200] * 3, plain(1).dtype)
@@ -194,6 +204,7 @@ def test_packets_within_a_cloud_are_its_data(tmp_path: Path) -> None:
     assert (account.clouds, account.packets) == (1, 1)
 
 
+@pytest.mark.usefixtures("only_models")
 @pytest.mark.parametrize("page", [512, 1024, 4096, 65536])
 def test_messages_on_any_pages_are_found(tmp_path: Path, page: int) -> None:
     path = tmp_path / "bag.db3"
@@ -205,6 +216,7 @@ def test_messages_on_any_pages_are_found(tmp_path: Path, page: int) -> None:
     assert there_and_back(tmp_path, path.read_bytes()).clouds == 12
 
 
+@pytest.mark.usefixtures("only_models")
 def test_a_bag_with_free_pages_comes_back(tmp_path: Path) -> None:
     path = tmp_path / "bag.db3"
     sqlite_bag(path, serialised(turns(9), is_ros1=False), [("/points", POINT_CLOUD2)])
@@ -431,7 +443,8 @@ def test_many_topics_of_one_layout_keep_their_streams(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """More topics than there are streams, in turn."""
-    monkeypatch.setattr(recording, "_LEAST_PLAIN", 1 << 30)
+    monkeypatch.setattr(recording, "_ALWAYS_PLAIN", 0)
+    monkeypatch.setattr(recording, "_CLOSE", 0)
     clouds = {f"/points_{number}": [plain(20 + 60 * number)] * 2 for number in range(40)}
     path = cloud_bag(tmp_path / "a.bag", clouds)
     assert there_and_back(tmp_path, path.read_bytes()).clouds == 80

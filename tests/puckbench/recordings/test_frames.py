@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -17,11 +19,13 @@ from puck.recordings.packet_turns import returns_of_packets
 from puckbench.cli import main
 from puckbench.planning.user_files import UserRun
 from puckbench.recordings import message_returns
+from puckbench.recordings.table_turns import rings_of_table
 from puckbench.scene_sets.registry import open_scene_set
 from tests.puckbench.cli.test_round_trips import _done
 from tests.support.cloud_turns import STAMP_S, TURN_S, bag, turns
+from tests.support.ouster import capture, images, metadata, packets
 from tests.support.sensor_scenes import ROOM, room
-from tests.support.spinning import pcap, rows, spin
+from tests.support.spinning import PACKET, pcap, rows, spin
 from virtual_lidar import open_error_model, open_sweep, scan, write_scan
 
 BEGUN_S = 1.6e9
@@ -216,3 +220,76 @@ def test_an_empty_folder_is_filled_and_a_failure_leaves_it_empty(
     assert not list(Path("frames").iterdir())
     _done("export", "drive.pcap", "frames", "--format", "las")
     assert list(Path("frames").iterdir())
+
+
+def test_rings_count_lasers_without_returns() -> None:
+    """In a recording, its table, and a scan, lasers 4 and 9 see nothing."""
+    table = spin(packets=400).copy().view(PACKET)[:, 0]
+    for laser in (4, 9, 20, 25):  # of two firings of 16 lasers
+        table["blocks"]["returns"]["distance"][..., laser] = 0
+    seen = table.view(np.uint8).reshape(400, -1)
+    Path("drive.pcap").write_bytes(pcap(rows(seen)))
+    _done("capture", "drive.pcap", "returns.parquet")
+    _done("export", "drive.pcap", "a", "--format", "pcd")
+    _done("export", "returns.parquet", "b", "--format", "pcd")
+    order = np.argsort(np.argsort(load_sensor("vlp16").laser_elevation_deg))
+    for name in ("000000.pcd", "000001.pcd"):
+        first, second = (read_pcd(Path(folder) / name) for folder in "ab")
+        assert set(first["ring"]) == {*range(16)} - {*order[[4, 9]]}
+        for column in ("x", "ring"):
+            assert np.array_equal(first[column], second[column])
+
+
+def test_rings_of_messages_are_those_of_their_table() -> None:
+    """The messages have no point of rings 3 and 15."""
+    clouds = [each[~np.isin(each["ring"], (3, 15))] for each in turns(3)]
+    bag(Path("drive.mcap"), clouds)
+    for words in ([], ["--sensor", "vlp16"]):
+        _done("capture", "drive.mcap", "returns.parquet", *words)
+        folder = f"frames{len(words)}"
+        _done("export", "returns.parquet", folder, "--format", "pcd")
+        frame = read_pcd(Path(folder) / "000001.pcd")
+        assert np.array_equal(frame["ring"], clouds[1]["ring"])
+
+
+def test_rings_of_earlier_tables_and_of_odd_descriptions() -> None:
+    _done("capture", "drive.pcap", "returns.parquet")
+    table = read_return_table(Path("returns.parquet"))
+    order = np.argsort(np.argsort(load_sensor("vlp16").laser_elevation_deg))
+    for rings in (None, [], [1] * 15, ["a"] * 16, [-1] * 16, [1 << 16] * 16, 7):
+        about = {**table.about, "rings": rings}
+        assert np.array_equal(rings_of_table(replace(table, about=about)), order[table["laser_id"]])
+
+
+@pytest.mark.parametrize(
+    ("length", "count", "told"), [(15, 1, "its turn"), (30, 2, "turns 0 to 1")]
+)
+def test_tables_without_a_whole_turn_are_told(
+    length: int, count: int, told: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    Path("short.pcap").write_bytes(pcap(rows(spin(packets=length))))
+    _done("capture", "short.pcap", "short.parquet")
+    capsys.readouterr()
+    row = _done("export", "short.parquet", "short", "--format", "pcd")
+    assert row["frames"] == count
+    fault = "may be cut off where the recording begins or ends; they are used, as no other is there"
+    assert f"short.parquet: {told} {fault}\n" in capsys.readouterr().err
+    assert main(["export", "short.pcap", "none", "--format", "pcd"]) == 2
+
+
+def test_whole_turns_of_an_ousters_table_are_those_of_its_recording(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    """The first turn is cut off, the last is whole."""
+    profile = "RNG15_RFL8_NIR8"
+    sent = [packet for frame in range(3) for packet in packets(profile, *images(profile), frame)]
+    Path("os.json").write_text(json.dumps(metadata(profile)))
+    for first, whole in ((5, 2), (0, 3)):
+        Path("os.pcap").write_bytes(capture(sent[first:]))
+        _done("capture", "os.pcap", "os.parquet")
+        for source in ("os.pcap", "os.parquet"):
+            row = _done("export", source, f"{source}{first}", "--format", "pcd")
+            assert row["frames"] == whole
+        frames = [Path(f"{source}{first}") / "000001.pcd" for source in ("os.pcap", "os.parquet")]
+        assert np.array_equal(*(read_pcd(frame)["x"] for frame in frames))
+    assert "cut off" not in capsys.readouterr().err

@@ -111,7 +111,9 @@ def test_tables_have_signals_light_columns_and_times(profile: str, tmp_path: Pat
     table = read_return_table(tmp_path / "returns.parquet")
     columns, lasers, kinds = np.nonzero(ranges.transpose(1, 2, 0))
     np.testing.assert_array_equal(table["column"], columns)
-    np.testing.assert_array_equal(table["clock_time"], 5_700_000_000 + 100_000 * columns)
+    np.testing.assert_array_equal(
+        table["clock_time"], 5_000_000_000 + 100_000 * (7 * 512 + columns)
+    )
     photons = light if width == 16 else 16 * light
     np.testing.assert_array_equal(table["near_infrared"], photons[columns, lasers])
     assert ("signal" in table.columns) == bool(signal_bits)
