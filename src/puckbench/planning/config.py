@@ -11,7 +11,14 @@ from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import Annotated, Any, Literal, Self
 
-from pydantic import AfterValidator, Field, StringConstraints, field_validator, model_validator
+from pydantic import (
+    AfterValidator,
+    Field,
+    PositiveFloat,
+    StringConstraints,
+    field_validator,
+    model_validator,
+)
 
 from pointkit.errors import InputError, among, naming
 from pointkit.files import read_json
@@ -123,6 +130,11 @@ class DataSetConfig(Sensing, SamplingSettings, PreparationSettings, MeasuringSet
         True,
         description="Compare the geometric primitives of codecs that code surfaces with the labels "
         "of the scenes, if there are labels.",
+    )
+    metrics: dict[str, Options] = Field(
+        {},
+        description="Further metrics of this data set alone, with their options, besides those of "
+        "the key `metrics`: names (`segmentation: {network: streets}`), or your own functions.",
     )
     stand_in: Options = Field(
         {}, description="Values of keys that replace this data set's with `stand_in: true`."
@@ -466,6 +478,12 @@ class Config(Model):
         description="Largest differences of odometry on drives that count as none: fix them before "
         "you see results.",
     )
+    task_margins: dict[str, PositiveFloat] = Field(
+        {},
+        description="Largest losses of tasks after coding that count as none, by measure and in "
+        "its unit, in place of those that the tasks declare (table `perception_bits`): fix them "
+        "before you see results.",
+    )
     figures: FiguresConfig = Field(
         FiguresConfig(), description="Style of the figures, and the clouds that they show."
     )
@@ -505,7 +523,8 @@ class Config(Model):
     def _plugins(self) -> Iterator[str | None]:
         for scene_set in self.scene_sets.values():
             yield from (source.loader for source in (scene_set, scene_set.stand_in) if source)
-        yield from (data.errors for data in self.datasets.values())
+        for data in self.datasets.values():
+            yield from (data.errors, *data.metrics)
         for drive in self.drives.values():
             yield from (drive.errors, *drive.tasks)
         for codec in filter(None, self.codecs.values()):

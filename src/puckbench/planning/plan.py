@@ -26,6 +26,7 @@ from puckbench.planning.config import (
     Config,
     DataSetConfig,
     DriveConfig,
+    Options,
     SceneSetConfig,
     Sensing,
     StudyConfig,
@@ -268,6 +269,10 @@ class Plan:
             for name in config.metrics:
                 if name not in METRICS:  # importing puckbench's own metrics takes long
                     METRICS.get(name)
+        for dataset, data in config.datasets.items():
+            with naming(f"datasets.{dataset}.metrics"):
+                for name, options in data.metrics.items():
+                    METRICS.get(name).check(options)
         self.drives = _runnable(config.drives)
         self.study = self._study(config.sensor_study) if config.sensor_study else None
         if not (self.datasets or self.study or self.drives or config.failed):
@@ -275,6 +280,22 @@ class Plan:
         if config.strict and check_scenes:
             for row in self._rates_left_out():
                 raise InputError(f"{row['file']}: {row['reason']}")
+
+    def metrics_of(self, dataset: str) -> dict[str, Options]:
+        """Return the options of the further metrics of a data set's decoded clouds, by name.
+
+        Metrics that need a package that is not installed are left out.
+        """
+        of_all: dict[str, Options] = {name: {} for name in self.config.metrics}
+        metrics = of_all | dict(self.config.datasets[dataset].metrics)
+        return {
+            name: options for name, options in metrics.items() if not METRICS.get(name).missing
+        }
+
+    def files_of_metrics(self, dataset: str) -> list[Path]:
+        """Return the files, such as weights, that the further metrics of a data set read."""
+        metrics = self.metrics_of(dataset).items()
+        return [path for name, options in metrics for path in METRICS.get(name).files(**options)]
 
     def _datasets(self) -> dict[str, DataSetPlan]:
         datasets = {name: self._dataset(name, data) for name, data in self.config.datasets.items()}

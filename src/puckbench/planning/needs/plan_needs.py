@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
+from pointkit.errors import naming
 from puckbench.codecs.base import Codec
 from puckbench.codecs.rates import rates_of
 from puckbench.geometry.attributes import RETURNS
+from puckbench.metrics.metric_registry import METRICS, Metric
+from puckbench.metrics.task_measures import with_margins
+from puckbench.metrics.task_registry import TASKS, Task
 from puckbench.planning.needs.registry import NEEDS, Options
 from puckbench.planning.plan import DataSetPlan, Plan
 from puckbench.tables.against_octree import OCTREE
@@ -33,6 +37,25 @@ def odometry_on_drives(plan: Plan) -> Options | None:
         return None
     margins = plan.config.odometry_margins.model_dump(exclude_defaults=True)
     return {"margins": margins} if margins else {}
+
+
+@NEEDS.register("perception")
+def tasks_with_margins(plan: Plan) -> Options | None:
+    """Require a metric or a drive's task that declares by what it is judged.
+
+    Tables get these measures, with the configured margins.
+    """
+    tasks: dict[str, Metric | Task] = {}
+    for dataset in {data.name: data for data in plan.coded}:
+        tasks |= {name: METRICS.get(name) for name in plan.metrics_of(dataset)}
+    for drive in plan.drives.values():
+        tasks |= {name: TASKS.get(name) for name in drive.tasks}
+    measures = [each for task in tasks.values() for each in task.measures]
+    if not measures:
+        return None
+    with naming("task_margins"):
+        judged = with_margins(measures, plan.config.task_margins)
+    return {"measures": [each.model_dump(mode="json") for each in judged]}
 
 
 @NEEDS.register("attributes")
