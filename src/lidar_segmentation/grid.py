@@ -6,8 +6,9 @@ Points that fall on each other, and their order, change nothing.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Annotated
+from typing import Annotated, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -74,7 +75,9 @@ class Gridded:
     features: Singles
 
 
-def gridded(xyz: NDArray[np.floating], shape: GridShape) -> Gridded:
+def gridded(
+    xyz: NDArray[Any], shape: GridShape, middle: Sequence[float] | NDArray[Any] = (0.0, 0.0)
+) -> Gridded:
     """Return a scan as the network sees it.
 
     Parameters
@@ -83,11 +86,13 @@ def gridded(xyz: NDArray[np.floating], shape: GridShape) -> Gridded:
         Points (n, 3) in the sensor's frame, m.
     shape
         Sizes of the grid.
+    middle
+        Middle of the grid (x, y) in the sensor's frame, m.
     """
     points = np.asarray(xyz, dtype=np.float64)
     x, y, z = points.T
-    places = points[:, :2] / shape.half_m
-    scaled = (points[:, :2] + shape.half_m) / shape.cell_m
+    places = (points[:, :2] - middle) / shape.half_m
+    scaled = (points[:, :2] - middle + shape.half_m) / shape.cell_m
     inside = ((scaled >= 0) & (scaled < shape.cells)).all(axis=1)
     column, row = np.floor(scaled[inside]).astype(np.int64).T
     cell = row * shape.cells + column

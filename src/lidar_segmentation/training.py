@@ -78,8 +78,11 @@ class SegmentationTraining(GridShape):
         Learning rates at the start and at the end of a cosine schedule.
     seed
         Seed of the initial weights and of all random choices.
+    crop_cells
+        Side of the square of cells, somewhere in the grid, on which a step trains.
     points
-        Number of points of a scan that the loss judges, drawn at random.
+        Number of points of a scan that the loss judges, drawn at random in this square; a sixteenth
+        as many are drawn outside.
     kept_share
         A scan keeps a random share of its points, at least this one.
     height_m
@@ -100,6 +103,7 @@ class SegmentationTraining(GridShape):
     learning_rate: PositiveFloat = 3e-3
     final_learning_rate: PositiveFloat = 3e-5
     seed: Annotated[int, Field(ge=0)] = 1
+    crop_cells: Annotated[int, Field(ge=8, le=1024, multiple_of=8)] = 128
     points: PositiveInt = 16_000
     kept_share: Share = 0.5
     height_m: Annotated[float, Field(ge=0, le=5)] = 0.25
@@ -185,9 +189,17 @@ class Examples:
         kept = rng.random(len(scan.xyz)) < rng.uniform(settings.kept_share, 1)
         classes = scan.classes[kept]
         xyz = moved(scan.xyz[kept], settings, rng)
-        judged = np.flatnonzero(classes != IGNORED)
-        judged = judged[random_rows(len(judged), settings.points, rng)]
-        full = gridded(xyz, settings)
+        crop = settings.replaced(cells=min(settings.crop_cells, settings.cells))
+        middle = xyz[rng.integers(len(xyz)), :2] if len(xyz) else np.zeros(2)
+        reach = settings.half_m - crop.half_m
+        full = gridded(xyz, crop, np.clip(middle * rng.random(), -reach, reach))
+        inside = (np.abs(full.places) < 1).all(axis=1)
+        chosen = [
+            rows[random_rows(len(rows), most, rng)]
+            for where, most in ((inside, settings.points), (~inside, settings.points // 16))
+            for rows in [np.flatnonzero(where & (classes != IGNORED))]
+        ]
+        judged = np.sort(np.concatenate(chosen))
         part = Gridded(full.columns, full.places[judged], full.features[judged])
         return Example(part, classes[judged])
 

@@ -259,6 +259,29 @@ class TrainingConfig(ValidationSettings):
     options: Options = Field({}, description="Further settings of the codec's training.")
 
 
+class SegmentationTrainingConfig(Model):
+    """A training of a network of segmentation (`snakemake train`)."""
+
+    datasets: tuple[str, ...] = Field(
+        min_length=1,
+        description="Data sets of the training, with labels: scans in metres (`size: metric`) of "
+        "generated scenes.",
+    )
+    validate_: tuple[str, ...] = Field(
+        (),
+        alias="validate",
+        description="Data sets with labels on which the network is measured; the results are in "
+        "the model card.",
+    )
+    steps: int | None = Field(None, ge=1, description="Number of steps; by default 2000.")
+    seed: Seed | None = Field(
+        None, description="Seed of weights and examples; by default the run's."
+    )
+    options: Options = Field(
+        {}, description="Further settings, those of `lidar_segmentation.SegmentationTraining`."
+    )
+
+
 class ErrorModelConfig(Model):
     """An error model of the sensor study."""
 
@@ -456,6 +479,11 @@ class Config(Model):
         {},
         description="Trainings of learned codecs by the name of the weights, for `snakemake "
         "train`.",
+    )
+    train_segmentation: dict[Name, SegmentationTrainingConfig] = Field(
+        {},
+        description="Trainings of networks of segmentation by the name of the weights, for "
+        "`snakemake train`.",
     )
     sensor_study: StudyConfig | Literal[False] | None = Field(
         None,

@@ -28,6 +28,7 @@ from puckbench.planning.config import (
     DriveConfig,
     Options,
     SceneSetConfig,
+    SegmentationTrainingConfig,
     Sensing,
     StudyConfig,
     TrainingConfig,
@@ -47,6 +48,7 @@ from puckbench.scene_sets.recordings import recording_files
 from puckbench.scene_sets.registry import open_scene_set
 from puckbench.steps.coding import TimingSettings
 from puckbench.steps.scan import SensorSettings
+from puckbench.steps.segmentation_weights import open_segmentation_training
 from puckbench.steps.sensing import SensingCode, code_of_scan
 from virtual_lidar import open_error_model, open_sweep
 from virtual_lidar.scenes.calibration import CALIBRATIONS
@@ -225,6 +227,23 @@ class TrainingPlan:
     settings: dict[str, Any]
 
 
+@dataclass(frozen=True)
+class SegmentationPlan:
+    """The training of a network of segmentation, and its validation.
+
+    Parameters
+    ----------
+    clouds, validate
+        Clouds of the training and of the validation, as pairs (data set, cloud).
+    settings
+        Settings of the training, with the seed.
+    """
+
+    clouds: tuple[tuple[str, str], ...]
+    validate: tuple[tuple[str, str], ...]
+    settings: dict[str, Any]
+
+
 class Plan:
     """What a run makes: the clouds, codecs, trainings and drives of a configuration.
 
@@ -265,6 +284,11 @@ class Plan:
         for name, value in config.train.items():
             if not self._lacks_start(name, value):
                 self.trainings[name] = self._training(name, value)
+        self.segmentations = {
+            name: self._segmentation(name, value)
+            for name, value in config.train_segmentation.items()
+            if not self.has_failed("segmentation", name)
+        }
         with naming("metrics"):
             for name in config.metrics:
                 if name not in METRICS:  # importing puckbench's own metrics takes long
@@ -587,6 +611,27 @@ class Plan:
         """Return the names of a codec's rates for clouds in a coordinate frame."""
         return tuple(rates_of(self.opened[codec], frame))
 
+    def _segmentation(self, name: str, value: SegmentationTrainingConfig) -> SegmentationPlan:
+        where = f"train_segmentation.{name}"
+        seed = self.config.seed if value.seed is None else value.seed
+        steps = {} if value.steps is None else {"steps": value.steps}
+        settings = {**value.options, "seed": seed, **steps}
+        for data in (*value.datasets, *value.validate_):
+            if data in self.config.datasets and not self.config.datasets[data].is_metric:
+                raise InputError(f"{where}: the data set {data} is not in metres (size: metric)")
+        with naming(where):
+            open_segmentation_training(settings)
+        return SegmentationPlan(*self._training_clouds(where, value), settings)
+
+    def _training_clouds(
+        self, where: str, value: TrainingConfig | SegmentationTrainingConfig
+    ) -> list[tuple[tuple[str, str], ...]]:
+        """Return the clouds of a training, and those of its validation."""
+        return [
+            tuple(cloud for data in names for cloud in self._clouds(f"{where}.{key}", data))
+            for key, names in (("datasets", value.datasets), ("validate", value.validate_))
+        ]
+
     def _training(self, name: str, value: TrainingConfig) -> TrainingPlan:
         where = f"train.{name}"
         seed = self.config.seed if value.seed is None else value.seed
@@ -596,10 +641,7 @@ class Plan:
         with naming(where):
             open_training(value.codec, entry, settings)
             start = self._start(value.start)
-        clouds, validate = (
-            tuple(cloud for data in names for cloud in self._clouds(f"{where}.{key}", data))
-            for key, names in (("datasets", value.datasets), ("validate", value.validate_))
-        )
+        clouds, validate = self._training_clouds(where, value)
         return TrainingPlan(value.codec, entry, clouds, validate, start, settings)
 
     def _lacks_start(self, name: str, value: TrainingConfig) -> bool:

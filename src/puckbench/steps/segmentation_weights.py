@@ -1,0 +1,215 @@
+from __future__ import annotations
+
+import sys
+from collections.abc import Mapping, Sequence
+from importlib.util import find_spec
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from pydantic import Field
+
+from cloud_files.clouds import read_cloud
+from pointkit.errors import InputError
+from pointkit.files import sha256, write_json
+from pointkit.models import parsed
+from puckbench.codecs.learned import require_networks
+from puckbench.core.code import CLOUD_FILES
+from puckbench.steps.fingerprints import code_version
+from puckbench.steps.step import STEPS, Paths, PlannedStep, Step, planned
+
+if TYPE_CHECKING:
+    from lidar_segmentation import LabelledScan, SegmentationTraining
+    from puckbench.planning.workflow import Workflow
+    from puckbench.steps.segmentation_trainer import SegmentationTrainer
+
+CODE = (*CLOUD_FILES, "puckbench.steps.segmentation_trainer", "puckbench.steps.training_log")
+_LEARNED = ("lidar_segmentation.*", "pcc_networks.training")
+
+_BYTES_PER_POINT = 40
+"""Memory of a training per point of the clouds, bytes."""
+_DIGITS = 4
+_SCENE = "scene"
+"""Set of labels of virtual scenes, whose classes are those of the training's label set."""
+
+
+def open_segmentation_training(settings: Mapping[str, Any]) -> SegmentationTraining:
+    """Return the checked settings of a training; raise InputError if one is invalid."""
+    if find_spec("lidar_segmentation") is None:
+        raise InputError("lidar_segmentation not installed: pip install 'puckbench[learned]'")
+    from lidar_segmentation import SegmentationTraining, class_map
+
+    training = parsed(SegmentationTraining, settings, "training")
+    class_map(training.labels)
+    return training
+
+
+@STEPS.register("segmentation_weights")
+class TrainSegmentation(Step):
+    """Train a network of segmentation on labelled clouds, and measure it on others.
+
+    Parameters
+    ----------
+    options
+        Settings of the training, such as ``steps`` and ``seed``.
+    every
+        Number of steps between two checkpoints.
+    code
+        Fingerprint of the code. A checkpoint that was made with other code is deleted, and the
+        training starts anew.
+    """
+
+    options: dict[str, Any] = Field({})
+    every: int = Field(100, ge=1)
+    code: str | None = None
+
+    @classmethod
+    def of_plan(cls, flow: Workflow, /, network: str) -> PlannedStep:
+        plan = flow.plan
+        training = plan.segmentations[network]
+        clouds, validate = (
+            [flow.files.cloud(*cloud)["cloud"] for cloud in clouds]
+            for clouds in (training.clouds, training.validate)
+        )
+        about = [str(Path(file).with_suffix(".json")) for file in (*clouds, *validate)]
+        points = sum(plan.datasets[dataset].points for dataset, _ in training.clouds)
+        return planned(
+            cls(options=training.settings, code=code_version(__name__, *_LEARNED)),
+            {"clouds": clouds, "validate": validate, "about": about},
+            *_LEARNED,
+            also=[*training.clouds, *training.validate],
+            memory_mb=2000 + points * _BYTES_PER_POINT // 1_000_000,
+            minutes=24 * 60,
+        )
+
+    def run(self, clouds: Paths, weights: Path, validate: Paths = ()) -> dict[str, Any]:
+        """Train the network, write its weights, and return the model card.
+
+        If there is a checkpoint beside `weights`, the training continues from it.
+
+        Parameters
+        ----------
+        clouds, validate
+            Files of labelled clouds in the sensor's frame, in metres, for the training and for the
+            validation.
+        weights
+            File to write. The model card (JSON) and the losses (CSV) are written beside it.
+        """
+        require_networks()
+        training = open_segmentation_training(self.options)
+        from pcc_networks.training.loop import train
+        from puckbench.steps.segmentation_trainer import SegmentationTrainer
+        from puckbench.steps.training_log import TrainingLog
+
+        examples = training.examples([read_labelled(path, training.labels) for path in clouds])
+        trainer = SegmentationTrainer(training, examples)
+        checkpoint = weights.with_suffix(".pt")
+        trainer.identity = {"data": [sha256(path) for path in clouds], "code": self.code or ""}
+        self._resume(trainer, checkpoint)
+        print(f"{training.steps} steps on {len(clouds)} clouds", file=sys.stderr)  # noqa: T201
+        curve = TrainingLog(trainer, weights.with_suffix(".csv"), self.every)
+        train(trainer, examples.batch, checkpoint, self.every, curve.note)
+        curve.write()
+        card = {
+            **training.model_dump(mode="json"),
+            "data": _by_data_set(clouds),
+            "seconds": curve.seconds,
+        }
+        training.export(weights, trainer.model, card)
+        if validate:
+            card["validation"] = validation(weights, validate, training.labels)
+            training.export(weights, trainer.model, card)
+        write_json(weights.with_suffix(".json"), card)
+        return card
+
+    def _resume(self, trainer: SegmentationTrainer, checkpoint: Path) -> None:
+        from pcc_networks.training.loop import OtherTrainingError
+
+        if checkpoint.exists():
+            try:
+                trainer.resume(checkpoint)
+            except OtherTrainingError:
+                if self.code is None:
+                    raise
+                checkpoint.unlink()
+
+
+def read_labelled(path: Path, labels: str) -> LabelledScan:
+    """Read a labelled cloud as a scan with the class of each point.
+
+    Parameters
+    ----------
+    path
+        A cloud in the sensor's frame, in metres. Its description names the classes (``classes``)
+        and the set of labels (``label_set``).
+    labels
+        Label set of the training, which has the classes of virtual scenes (``scene``).
+
+    Raises
+    ------
+    InputError
+        The cloud has no labels, or a class that the label set lacks.
+    """
+    from lidar_segmentation import IGNORED, LabelledScan, class_map
+
+    cloud = read_cloud(path)
+    names, label_set = cloud.about.get("classes"), cloud.about.get("label_set")
+    if cloud.labels is None or not names or label_set is None:
+        raise InputError(f"{path}: the cloud's points have no labels of classes")
+    classes = class_map(labels if label_set == _SCENE else label_set).of(names)
+    known = cloud.labels >= 0
+    if cloud.labels.max(initial=-1) >= len(classes):
+        raise InputError(f"{path}: label {cloud.labels.max()}: the cloud has {len(names)} classes")
+    found = classes[cloud.labels.clip(min=0)]
+    found[~known] = IGNORED
+    return LabelledScan(cloud.xyz.astype("float32"), found)
+
+
+def validation(weights: Path, clouds: Sequence[Path], labels: str) -> dict[str, Any]:
+    """Measure a network on labelled clouds.
+
+    Parameters
+    ----------
+    weights
+        File of weights.
+    clouds
+        Files of labelled clouds, of several data sets, each in a folder.
+    labels
+        Label set of the network's training.
+
+    Returns
+    -------
+    dict
+        For each data set, ``clouds`` (their number), ``accuracy`` (share of the judged points whose
+        class is right), ``miou`` (mean of the classes' intersections over unions, of the points of
+        all clouds together), and ``iou`` of each class that has points.
+    """
+    from lidar_segmentation import confusion, ious, open_network
+
+    network = open_network(weights)
+    results = {}
+    for dataset, paths in _grouped(clouds).items():
+        total = 0
+        for path in paths:
+            scan = read_labelled(path, labels)
+            predicted = network.predict(scan.xyz)
+            total = total + confusion(scan.classes, predicted, len(network.classes))
+        values = dict(zip(network.classes, ious(total).tolist(), strict=True))
+        there = {name: round(value, _DIGITS) for name, value in values.items() if value == value}
+        results[dataset] = {
+            "clouds": len(paths),
+            "accuracy": round(float(total.trace() / total.sum()), _DIGITS),
+            "miou": round(sum(there.values()) / len(there), _DIGITS),
+            "iou": there,
+        }
+    return results
+
+
+def _grouped(paths: Sequence[Path]) -> dict[str, list[Path]]:
+    groups: dict[str, list[Path]] = {}
+    for path in paths:
+        groups.setdefault(path.parent.name, []).append(path)
+    return groups
+
+
+def _by_data_set(paths: Sequence[Path]) -> dict[str, list[str]]:
+    return {name: [path.stem for path in files] for name, files in _grouped(paths).items()}
