@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from lidar_segmentation.predicting import open_network as open_network
     from lidar_segmentation.scores import confusion as confusion
     from lidar_segmentation.scores import ious as ious
+    from lidar_segmentation.scores import mean_iou as mean_iou
     from lidar_segmentation.training import LabelledScan as LabelledScan
     from lidar_segmentation.training import SegmentationTraining as SegmentationTraining
     from lidar_segmentation.weights_file import shipped as shipped
@@ -28,7 +29,7 @@ __getattr__, __dir__, __all__ = lazy(
     __name__,
     class_maps=("IGNORED", "ClassMap", "class_map", "class_map_names"),
     predicting=("SegmentationNetwork", "open_network"),
-    scores=("confusion", "ious"),
+    scores=("confusion", "ious", "mean_iou"),
     training=("LabelledScan", "SegmentationTraining"),
     weights_file=("shipped",),
 )

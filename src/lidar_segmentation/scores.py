@@ -28,3 +28,10 @@ def ious(matrix: NDArray[np.int64]) -> NDArray[np.float64]:
     both, there = np.diag(matrix), matrix.sum(axis=1)
     union = there + matrix.sum(axis=0) - both
     return np.divide(both, union, out=np.full(len(both), np.nan), where=there > 0)
+
+
+def mean_iou(matrix: NDArray[np.int64]) -> float:
+    """Return the mean of `ious` over the classes that have true points; NaN if there are none."""
+    values = ious(matrix)
+    there = values[np.isfinite(values)]
+    return float(there.mean()) if len(there) else float("nan")

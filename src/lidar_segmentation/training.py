@@ -35,16 +35,23 @@ class LabelledScan:
         Points (n, 3) in the sensor's frame, m.
     classes
         Numbers (n,) of their classes; `IGNORED` for points that are not judged.
+    joins
+        `ClassMap.joins` of the labels; None if they tell all classes apart.
     """
 
     xyz: Singles
     classes: NDArray[np.uint8]
+    joins: NDArray[np.uint8] | None = None
 
     def __post_init__(self) -> None:
         if self.xyz.shape != (len(self.classes), 3):
             raise InputError(
                 f"{len(self.classes)} labels for points {self.xyz.shape}: one for each is needed"
             )
+
+    def joined(self, predicted: NDArray[np.uint8]) -> NDArray[np.uint8]:
+        """Return predicted classes (n,) as they are compared with `classes`."""
+        return predicted if self.joins is None else self.joins[predicted]
 
 
 @dataclass(frozen=True)
@@ -181,7 +188,9 @@ class Examples:
         places = [torch.from_numpy(scan.places) for scan in scans]
         features = [torch.from_numpy(scan.features) for scan in scans]
         classes = torch.from_numpy(np.concatenate([each.classes for each in batch])).long()
-        logits = model(columns, places, features)
+        logits: Tensor = model(columns, places, features)
+        if not len(classes):
+            return logits.sum()
         return functional.cross_entropy(logits, classes, torch.from_numpy(self.weights))
 
     def _example(self, scan: LabelledScan, rng: np.random.Generator) -> Example:

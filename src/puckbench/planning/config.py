@@ -277,6 +277,9 @@ class SegmentationTrainingConfig(Model):
     seed: Seed | None = Field(
         None, description="Seed of weights and examples; by default the run's."
     )
+    seeds: Annotated[tuple[Seed, ...], Field(min_length=1), Distinct] | None = Field(
+        None, description="Several such seeds, each for a network, named `NAME-SEED`."
+    )
     options: Options = Field(
         {}, description="Further settings, those of `lidar_segmentation.SegmentationTraining`."
     )

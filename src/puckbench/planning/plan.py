@@ -285,9 +285,10 @@ class Plan:
             if not self._lacks_start(name, value):
                 self.trainings[name] = self._training(name, value)
         self.segmentations = {
-            name: self._segmentation(name, value)
+            network: plan
             for name, value in config.train_segmentation.items()
-            if not self.has_failed("segmentation", name)
+            for network, plan in self._segmentations(name, value)
+            if not self.has_failed("segmentation", network)
         }
         with naming("metrics"):
             for name in config.metrics:
@@ -611,17 +612,23 @@ class Plan:
         """Return the names of a codec's rates for clouds in a coordinate frame."""
         return tuple(rates_of(self.opened[codec], frame))
 
-    def _segmentation(self, name: str, value: SegmentationTrainingConfig) -> SegmentationPlan:
+    def _segmentations(
+        self, name: str, value: SegmentationTrainingConfig
+    ) -> Iterator[tuple[str, SegmentationPlan]]:
+        """Yield the names and plans of an entry's networks, one for each seed."""
         where = f"train_segmentation.{name}"
         seed = self.config.seed if value.seed is None else value.seed
         steps = {} if value.steps is None else {"steps": value.steps}
-        settings = {**value.options, "seed": seed, **steps}
         for data in (*value.datasets, *value.validate_):
             if data in self.config.datasets and not self.config.datasets[data].is_metric:
                 raise InputError(f"{where}: the data set {data} is not in metres (size: metric)")
-        with naming(where):
-            open_segmentation_training(settings)
-        return SegmentationPlan(*self._training_clouds(where, value), settings)
+        clouds, validate = self._training_clouds(where, value)
+        for each in value.seeds or (seed,):
+            settings = {**value.options, "seed": each, **steps}
+            with naming(where):
+                open_segmentation_training(settings)
+            network = f"{name}-{each}" if value.seeds else name
+            yield network, SegmentationPlan(clouds, validate, settings)
 
     def _training_clouds(
         self, where: str, value: TrainingConfig | SegmentationTrainingConfig

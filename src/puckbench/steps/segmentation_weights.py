@@ -3,9 +3,11 @@ from __future__ import annotations
 import sys
 from collections.abc import Mapping, Sequence
 from importlib.util import find_spec
+from math import isnan
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
 from pydantic import Field
 
 from cloud_files.clouds import read_cloud
@@ -155,13 +157,14 @@ def read_labelled(path: Path, labels: str) -> LabelledScan:
     names, label_set = cloud.about.get("classes"), cloud.about.get("label_set")
     if cloud.labels is None or not names or label_set is None:
         raise InputError(f"{path}: the cloud's points have no labels of classes")
-    classes = class_map(labels if label_set == _SCENE else label_set).of(names)
+    mapping = class_map(labels if label_set == _SCENE else label_set)
+    classes = mapping.of(names)
     known = cloud.labels >= 0
     if cloud.labels.max(initial=-1) >= len(classes):
         raise InputError(f"{path}: label {cloud.labels.max()}: the cloud has {len(names)} classes")
     found = classes[cloud.labels.clip(min=0)]
     found[~known] = IGNORED
-    return LabelledScan(cloud.xyz.astype("float32"), found)
+    return LabelledScan(cloud.xyz.astype(np.float32), found, mapping.joins)
 
 
 def validation(weights: Path, clouds: Sequence[Path], labels: str) -> dict[str, Any]:
@@ -179,27 +182,29 @@ def validation(weights: Path, clouds: Sequence[Path], labels: str) -> dict[str, 
     Returns
     -------
     dict
-        For each data set, ``clouds`` (their number), ``accuracy`` (share of the judged points whose
-        class is right), ``miou`` (mean of the classes' intersections over unions, of the points of
-        all clouds together), and ``iou`` of each class that has points.
+        For each data set, ``accuracy`` (share of the judged points whose class is right), ``iou``
+        (intersection over union of each class that has points, of all clouds together), ``miou``
+        (their mean), and ``miou_of_clouds``, the same of each cloud.
     """
-    from lidar_segmentation import confusion, ious, open_network
+    from lidar_segmentation import confusion, ious, mean_iou, open_network
 
     network = open_network(weights)
     results = {}
     for dataset, paths in _grouped(clouds).items():
-        total = 0
+        matrices = {}
         for path in paths:
             scan = read_labelled(path, labels)
-            predicted = network.predict(scan.xyz)
-            total = total + confusion(scan.classes, predicted, len(network.classes))
-        values = dict(zip(network.classes, ious(total).tolist(), strict=True))
-        there = {name: round(value, _DIGITS) for name, value in values.items() if value == value}
+            predicted = scan.joined(network.predict(scan.xyz))
+            matrices[path.stem] = confusion(scan.classes, predicted, len(network.classes))
+        total = sum(matrices.values(), np.zeros((), np.int64))
+        values = zip(network.classes, ious(total).tolist(), strict=True)
         results[dataset] = {
-            "clouds": len(paths),
             "accuracy": round(float(total.trace() / total.sum()), _DIGITS),
-            "miou": round(sum(there.values()) / len(there), _DIGITS),
-            "iou": there,
+            "miou": round(mean_iou(total), _DIGITS),
+            "iou": {name: round(value, _DIGITS) for name, value in values if not isnan(value)},
+            "miou_of_clouds": {
+                name: round(mean_iou(matrix), _DIGITS) for name, matrix in matrices.items()
+            },
         }
     return results
 
