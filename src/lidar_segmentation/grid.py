@@ -24,6 +24,8 @@ OFFSETS = 8
 _SCALE_M = 4.0
 """Length by which heights are divided, so that they are of the order of one."""
 _MOST = 4.0
+"""Largest magnitude of a feature of a point."""
+_FARTHEST_M = 1e6
 
 
 class GridShape(Model):
@@ -89,7 +91,7 @@ def gridded(
     middle
         Middle of the grid (x, y) in the sensor's frame, m.
     """
-    points = np.asarray(xyz, dtype=np.float64)
+    points = np.clip(np.asarray(xyz, dtype=np.float64), -_FARTHEST_M, _FARTHEST_M)
     x, y, z = points.T
     places = (points[:, :2] - middle) / shape.half_m
     scaled = (points[:, :2] - middle + shape.half_m) / shape.cell_m

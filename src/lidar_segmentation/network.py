@@ -10,6 +10,7 @@ import torch
 from pydantic import Field, StringConstraints
 from torch import Tensor, nn
 from torch.nn import functional
+from torch.nn.utils import fuse_conv_bn_eval
 
 from lidar_segmentation.grid import HEIGHTS, OFFSETS, GridShape
 
@@ -53,7 +54,7 @@ class Convolution(nn.Module):
     def fuse(self) -> None:
         """Make the normalisation a part of the convolution, whose output stays the same."""
         if isinstance(self.norm, nn.BatchNorm2d):
-            self.conv = nn.utils.fusion.fuse_conv_bn_eval(self.conv.eval(), self.norm.eval())
+            self.conv = fuse_conv_bn_eval(self.conv.eval(), self.norm.eval())
             self.norm = nn.Identity()
 
 

@@ -123,13 +123,13 @@ def read_weights(path: Path) -> WeightsFile:
     try:
         arrays = load(data)
         with safe_open(path, framework="np") as file:
-            text = (file.metadata() or {}).get(_KEY, "{}")
-        about = json.loads(text)
-        if isinstance(about, dict) and about.get("network") != NETWORK:
-            raise InputError(f"{path}: weights of another network ({about.get('network')})")
-        header = Header.model_validate(about)
-    except (SafetensorError, ValueError) as error:
+            text = (file.metadata() or {})[_KEY]
+        network = json.loads(text)["network"]
+        header = None if network != NETWORK else Header.model_validate_json(text)
+    except (SafetensorError, LookupError, TypeError, ValueError) as error:
         raise InputError(f"{path}: damaged weights, or not a set of weights") from error
+    if header is None:
+        raise InputError(f"{path}: weights of another network ({network})")
     if _check_sum(arrays) != header.sha256:
         raise InputError(f"{path}: damaged weights (check sum)")
     if not all(each.dtype == np.float16 and np.isfinite(each).all() for each in arrays.values()):

@@ -11,11 +11,12 @@ import numpy as np
 from pydantic import Field
 
 from cloud_files.clouds import read_cloud
-from pointkit.errors import InputError
+from pointkit.errors import InputError, naming
 from pointkit.files import sha256, write_json
 from pointkit.models import parsed
 from puckbench.codecs.learned import require_networks
 from puckbench.core.code import CLOUD_FILES
+from puckbench.geometry.labels import OF_SCENE, class_labels
 from puckbench.steps.fingerprints import code_version
 from puckbench.steps.step import STEPS, Paths, PlannedStep, Step, planned
 
@@ -24,14 +25,15 @@ if TYPE_CHECKING:
     from puckbench.planning.workflow import Workflow
     from puckbench.steps.segmentation_trainer import SegmentationTrainer
 
-CODE = (*CLOUD_FILES, "puckbench.steps.segmentation_trainer", "puckbench.steps.training_log")
+CODE = (
+    *(*CLOUD_FILES, "puckbench.geometry.labels"),
+    *("puckbench.steps.segmentation_trainer", "puckbench.steps.training_log"),
+)
 _LEARNED = ("lidar_segmentation.*", "pcc_networks.training")
 
 _BYTES_PER_POINT = 40
 """Memory of a training per point of the clouds, bytes."""
 _DIGITS = 4
-_SCENE = "scene"
-"""Set of labels of virtual scenes, whose classes are those of the training's label set."""
 
 
 def open_segmentation_training(settings: Mapping[str, Any]) -> SegmentationTraining:
@@ -153,18 +155,14 @@ def read_labelled(path: Path, labels: str) -> LabelledScan:
     """
     from lidar_segmentation import IGNORED, LabelledScan, class_map
 
-    cloud = read_cloud(path)
-    names, label_set = cloud.about.get("classes"), cloud.about.get("label_set")
-    if cloud.labels is None or not names or label_set is None:
-        raise InputError(f"{path}: the cloud's points have no labels of classes")
-    mapping = class_map(labels if label_set == _SCENE else label_set)
-    classes = mapping.of(names)
-    known = cloud.labels >= 0
-    if cloud.labels.max(initial=-1) >= len(classes):
-        raise InputError(f"{path}: label {cloud.labels.max()}: the cloud has {len(names)} classes")
-    found = classes[cloud.labels.clip(min=0)]
-    found[~known] = IGNORED
-    return LabelledScan(cloud.xyz.astype(np.float32), found, mapping.joins)
+    with naming(path):
+        cloud = read_cloud(path)
+        found = class_labels(cloud)
+        mapping = class_map(labels if found.label_set == OF_SCENE else found.label_set)
+        classes = np.append(mapping.of(found.names), np.uint8(IGNORED))  # -1 is the last
+    return LabelledScan(
+        cloud.xyz.astype(np.float32), classes[np.maximum(found.numbers, -1)], mapping.joins
+    )
 
 
 def validation(weights: Path, clouds: Sequence[Path], labels: str) -> dict[str, Any]:
