@@ -78,7 +78,10 @@ class Gridded:
 
 
 def gridded(
-    xyz: NDArray[Any], shape: GridShape, middle: Sequence[float] | NDArray[Any] = (0.0, 0.0)
+    xyz: NDArray[Any],
+    shape: GridShape,
+    middle: Sequence[float] | NDArray[Any] = (0.0, 0.0),
+    rows: NDArray[np.intp] | None = None,
 ) -> Gridded:
     """Return a scan as the network sees it.
 
@@ -90,36 +93,38 @@ def gridded(
         Sizes of the grid.
     middle
         Middle of the grid (x, y) in the sensor's frame, m.
+    rows
+        Rows (m,) of the points whose places and features are returned; by default all.
     """
     points = np.clip(np.asarray(xyz, dtype=np.float64), -_FARTHEST_M, _FARTHEST_M)
-    x, y, z = points.T
-    places = (points[:, :2] - middle) / shape.half_m
     scaled = (points[:, :2] - middle + shape.half_m) / shape.cell_m
     inside = ((scaled >= 0) & (scaled < shape.cells)).all(axis=1)
-    column, row = np.floor(scaled[inside]).astype(np.int64).T
-    cell = row * shape.cells + column
+    column, row = np.clip(np.floor(scaled), 0, shape.cells - 1).astype(np.int64).T
+    cell, z = row * shape.cells + column, points[:, 2]
 
     occupied = np.zeros((shape.bins, shape.cells**2), np.float32)
     level = np.clip(np.floor((z[inside] - shape.bottom_m) / shape.bin_m), 0, shape.bins - 1)
-    occupied[level.astype(np.int64), cell] = 1
+    occupied[level.astype(np.int64), cell[inside]] = 1
     lowest, highest = np.full(shape.cells**2, np.inf), np.full(shape.cells**2, -np.inf)
-    np.minimum.at(lowest, cell, z[inside])
-    np.maximum.at(highest, cell, z[inside])
+    np.minimum.at(lowest, cell[inside], z[inside])
+    np.maximum.at(highest, cell[inside], z[inside])
     near = lowest_near(lowest.reshape(shape.cells, shape.cells), shape.near_cells).ravel()
     heights = np.stack([lowest, highest, near])
-    channels = np.where(np.isfinite(heights), heights / _SCALE_M, 0)
+    channels = np.where(np.isfinite(heights), heights / _SCALE_M, 0).astype(np.float32)
+    columns = np.concatenate([occupied, channels]).reshape(-1, shape.cells, shape.cells)
 
+    if rows is not None:
+        points, scaled, inside, cell, z = (each[rows] for each in (points, scaled, inside, cell, z))
     features = np.zeros((len(points), shape.bins + OFFSETS), np.float32)
     features[:, 0] = z / _SCALE_M
     for number, level_m in enumerate((near, lowest, highest), start=1):
-        features[inside, number] = (z[inside] - level_m[cell]) / (_SCALE_M / 2)
+        features[inside, number] = (z[inside] - level_m[cell[inside]]) / (_SCALE_M / 2)
     features[:, 4:6] = scaled - np.floor(scaled) - 0.5
-    features[:, 6] = np.log1p(np.sqrt(x**2 + y**2 + z**2)) / _SCALE_M
+    features[:, 6] = np.log1p(np.linalg.norm(points, axis=1)) / _SCALE_M
     features[:, 7] = inside
     np.clip(features, -_MOST, _MOST, out=features)
     features[:, OFFSETS:] = _in_bins(z, shape)
-    size = (-1, shape.cells, shape.cells)
-    columns = np.concatenate([occupied, channels.astype(np.float32)]).reshape(size)
+    places = (points[:, :2] - middle) / shape.half_m
     return Gridded(columns, places.astype(np.float32), features)
 
 

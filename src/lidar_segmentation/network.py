@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from copy import deepcopy
+from itertools import pairwise
 from typing import Annotated
 
 import torch
@@ -74,7 +75,7 @@ class SegmentationModule(nn.Module):
         self.first = Convolution(shape.bins + HEIGHTS, wide[0])
         self.down = nn.ModuleList(
             nn.Sequential(Convolution(before, after, stride=2), Convolution(after, after))
-            for before, after in zip(wide, wide[1:], strict=False)
+            for before, after in pairwise(wide)
         )
         self.around = nn.Sequential(*(Convolution(wide[-1], wide[-1], dilation=2) for _ in "12"))
         self.narrow = nn.ModuleList(

@@ -201,16 +201,15 @@ class Examples:
         crop = settings.replaced(cells=min(settings.crop_cells, settings.cells))
         middle = xyz[rng.integers(len(xyz)), :2] if len(xyz) else np.zeros(2)
         reach = settings.half_m - crop.half_m
-        full = gridded(xyz, crop, np.clip(middle * rng.random(), -reach, reach))
-        inside = (np.abs(full.places) < 1).all(axis=1)
+        middle = np.clip(middle * rng.random(), -reach, reach)
+        inside = (np.abs(xyz[:, :2] - middle) < crop.half_m).all(axis=1)
         chosen = [
             rows[random_rows(len(rows), most, rng)]
             for where, most in ((inside, settings.points), (~inside, settings.points // 16))
             for rows in [np.flatnonzero(where & (classes != IGNORED))]
         ]
         judged = np.sort(np.concatenate(chosen))
-        part = Gridded(full.columns, full.places[judged], full.features[judged])
-        return Example(part, classes[judged])
+        return Example(gridded(xyz, crop, middle, judged), classes[judged])
 
 
 def moved(xyz: Singles, settings: SegmentationTraining, rng: np.random.Generator) -> Singles:
@@ -243,6 +242,8 @@ def class_weights(scans: Sequence[LabelledScan], classes: int) -> Singles:
     A weight is the inverse of the root of the class's share of all judged points, and the weights
     of all these points have the mean 1. Classes without points have weight 0.
     """
-    counts = sum((np.bincount(scan.classes, minlength=256)[:classes] for scan in scans), np.zeros(1))
+    counts = sum(
+        (np.bincount(scan.classes, minlength=256)[:classes] for scan in scans), np.zeros(1)
+    )
     weights = np.divide(1, np.sqrt(counts), out=np.zeros(classes), where=counts > 0)
     return (weights * counts.sum() / (weights * counts).sum()).astype(np.float32)

@@ -43,7 +43,7 @@ def test_order_and_repetition_of_points_change_nothing() -> None:
 
 
 def test_the_grid_can_be_elsewhere() -> None:
-    moved = gridded(POINTS + [10, -20, 0], SHAPE, (10.0, -20.0))
+    moved = gridded(POINTS + np.array([10, -20, 0]), SHAPE, (10.0, -20.0))
     assert np.array_equal(moved.columns, gridded(POINTS, SHAPE).columns)
     np.testing.assert_allclose(moved.places, gridded(POINTS, SHAPE).places, atol=1e-6)
 

@@ -112,5 +112,5 @@ def test_unusable_scans_end_in_one_line() -> None:
     with pytest.raises(InputError, match=r"^3 labels for points \(2, 3\): one for each is needed$"):
         LabelledScan(np.zeros((2, 3), np.float32), np.zeros(3, np.uint8))
     nothing = LabelledScan(np.zeros((2, 3), np.float32), np.full(2, IGNORED, np.uint8))
-    with pytest.raises(InputError, match="^no scan has a point with a class of the network$"):
+    with pytest.raises(InputError, match=r"^no scan has a point with a class of the network$"):
         SETTINGS.examples([nothing])

@@ -284,12 +284,7 @@ class Plan:
         for name, value in config.train.items():
             if not self._lacks_start(name, value):
                 self.trainings[name] = self._training(name, value)
-        self.segmentations = {
-            network: plan
-            for name, value in config.train_segmentation.items()
-            for network, plan in self._segmentations(name, value)
-            if not self.has_failed("segmentation", network)
-        }
+        self.segmentations = dict(self._segmentations())
         with naming("metrics"):
             for name in config.metrics:
                 if name not in METRICS:  # importing puckbench's own metrics takes long
@@ -313,9 +308,7 @@ class Plan:
         """
         of_all: dict[str, Options] = {name: {} for name in self.config.metrics}
         metrics = of_all | dict(self.config.datasets[dataset].metrics)
-        return {
-            name: options for name, options in metrics.items() if not METRICS.get(name).missing
-        }
+        return {name: options for name, options in metrics.items() if not METRICS.get(name).missing}
 
     def files_of_metrics(self, dataset: str) -> list[Path]:
         """Return the files, such as weights, that the further metrics of a data set read."""
@@ -612,7 +605,13 @@ class Plan:
         """Return the names of a codec's rates for clouds in a coordinate frame."""
         return tuple(rates_of(self.opened[codec], frame))
 
-    def _segmentations(
+    def _segmentations(self) -> Iterator[tuple[str, SegmentationPlan]]:
+        for name, value in self.config.train_segmentation.items():
+            for network, plan in self._networks(name, value):
+                if not self.has_failed("segmentation", network):
+                    yield network, plan
+
+    def _networks(
         self, name: str, value: SegmentationTrainingConfig
     ) -> Iterator[tuple[str, SegmentationPlan]]:
         """Yield the names and plans of an entry's networks, one for each seed."""

@@ -7,7 +7,7 @@ from pcc_networks.training.loop import BaseTrainer
 
 if TYPE_CHECKING:
     from lidar_segmentation import SegmentationTraining
-    from lidar_segmentation.network import SegmentationModule
+    from lidar_segmentation.network import SegmentationModule  # noqa: F401 (named in quotes)
     from lidar_segmentation.training import Example, Examples
 
 CODE = ("pcc_networks.training",)

@@ -79,7 +79,7 @@ def test_a_training_leaves_weights_a_curve_and_a_card(
     assert set(scores["iou"]) == {"floor", "wall"}
     assert card == read_json(weights.with_suffix(".json")) == open_network(weights).card
     assert len(weights.with_suffix(".csv").read_text().splitlines()) == 7
-    with pytest.raises(InputError, match="the saved training has other settings or data$"):
+    with pytest.raises(InputError, match=r"the saved training has other settings or data$"):
         TrainSegmentation(options={**SETTINGS, "steps": 7}).run(clouds, weights)
 
 
