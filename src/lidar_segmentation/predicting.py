@@ -10,7 +10,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from lidar_segmentation.class_maps import ClassMap, checked_points, class_map
 from lidar_segmentation.grid import gridded
+from lidar_segmentation.mininet import MiniNet, open_mininet
 from lidar_segmentation.weights_file import read_weights, weights_path
 from pointkit.errors import InputError
 from pointkit.models import parsed
@@ -19,6 +21,7 @@ if TYPE_CHECKING:
     from lidar_segmentation.network import SegmentationModule
 
 _POINTS_AT_A_TIME = 50_000
+_OF_SCENES = ("streets", "rooms")
 
 
 @dataclass(frozen=True)
@@ -44,6 +47,27 @@ class SegmentationNetwork:
     card: Mapping[str, Any]
     module: SegmentationModule
 
+    def class_map(self, label_set: str) -> ClassMap:
+        """Return which class of the network each label is.
+
+        Parameters
+        ----------
+        label_set
+            Name of a label set (`class_map_names`), or ``scene`` for the semantic classes of the
+            virtual scenes on which the network was trained.
+
+        Raises
+        ------
+        InputError
+            The labels have no classes of this network.
+        """
+        names = _OF_SCENES if label_set == "scene" else (label_set,)
+        found = [named for named in map(class_map, names) if named.classes == self.classes]
+        if not found:
+            known = ", ".join(self.classes)
+            raise InputError(f"labels {label_set} have no classes of the network ({known})")
+        return found[0]
+
     def predict(self, xyz: NDArray[np.floating]) -> NDArray[np.uint8]:
         """Return the class of each point of a scan.
 
@@ -63,11 +87,7 @@ class SegmentationNetwork:
         InputError
             The points have another shape, or are not finite.
         """
-        points = np.asarray(xyz)
-        if points.ndim != 2 or points.shape[1] != 3 or points.dtype.kind not in "fiu":
-            raise InputError(f"the scan is an array {points.shape}, but must be numbers (n, 3)")
-        if not np.isfinite(points).all():
-            raise InputError("the scan has points that are not finite")
+        points = checked_points(xyz)
         if not len(points):
             return np.empty(0, np.uint8)
         return self._predicted(points)
@@ -90,13 +110,14 @@ class SegmentationNetwork:
         return np.concatenate(classes)
 
 
-def open_network(where: str | Path) -> SegmentationNetwork:
+def open_network(where: str | Path) -> SegmentationNetwork | MiniNet:
     """Open a trained network.
 
     Parameters
     ----------
     where
-        Name of weights that come with the package (``streets``, ``rooms``), or the path of a file.
+        Name of weights that come with the package (``streets``, ``rooms``), the path of a file, or
+        that of a folder with the published weights of 3D-MiniNet.
 
     Raises
     ------
@@ -107,6 +128,8 @@ def open_network(where: str | Path) -> SegmentationNetwork:
 
     from lidar_segmentation.network import NetworkShape, SegmentationModule, fused
 
+    if Path(where).is_dir():
+        return open_mininet(Path(where))
     path = weights_path(where)
     contents = read_weights(path)
     shape = parsed(NetworkShape, contents.header.shape, f"{path}: shape")
