@@ -149,16 +149,3 @@ def _names_and_numbers(labels: _Labels) -> Iterator[Label]:
 def _joins(classes: Sequence[str], joined: Mapping[str, tuple[str, ...]]) -> NDArray[np.uint8]:
     targets = {each: target for target, names in joined.items() for each in names}
     return np.array([classes.index(targets.get(name, name)) for name in classes], np.uint8)
-
-
-def checked_points(xyz: NDArray[Any]) -> NDArray[Any]:
-    """Return the points of a scan, (n, 3), as an array.
-
-    Raises InputError if they have another shape, or are not finite numbers.
-    """
-    points = np.asarray(xyz)
-    if points.ndim != 2 or points.shape[1] != 3 or points.dtype.kind not in "fiu":
-        raise InputError(f"the scan is an array {points.shape}, but must be numbers (n, 3)")
-    if not np.isfinite(points).all():
-        raise InputError("the scan has points that are not finite")
-    return points

@@ -22,7 +22,8 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from lidar_segmentation.class_maps import IGNORED, ClassMap, checked_points
+from lidar_segmentation.class_maps import IGNORED, ClassMap
+from lidar_segmentation.scan_points import checked_points
 from pointkit.errors import InputError
 from pointkit.files import read_bytes, refuse_special
 

@@ -10,9 +10,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from lidar_segmentation.class_maps import ClassMap, checked_points, class_map
+from lidar_segmentation.class_maps import ClassMap, class_map
 from lidar_segmentation.grid import gridded
 from lidar_segmentation.mininet import MiniNet, open_mininet
+from lidar_segmentation.scan_points import checked_points
 from lidar_segmentation.weights_file import read_weights, weights_path
 from pointkit.errors import InputError
 from pointkit.models import parsed

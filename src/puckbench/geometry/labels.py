@@ -22,6 +22,8 @@ SEMANTIC_KITTI, SEMANTIC_KITTI_20 = "semantickitti", "semantickitti_benchmark"
 """Sets of labels: those in the files of SemanticKITTI, and the 20 of its benchmark."""
 PCL_SEGMENTATION = "pclsegmentation"
 """Set of labels: the 11 of PCLSegmentation's range images of nuScenes and of a VLP-32C."""
+REMISSION = "remission"
+"""Field of a labelled cloud with the share of light that came back from each point, 0 to 1."""
 _CLASSES, _SET = "classes", "label_set"
 
 

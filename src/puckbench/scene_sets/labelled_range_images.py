@@ -18,7 +18,12 @@ from numpy.typing import NDArray
 from cloud_files.npy import read_array
 from pointkit.errors import InputError
 from pointkit.geometry.cloud import PointCloud, check_points
-from puckbench.geometry.labels import PCL_SEGMENTATION, SEMANTIC_KITTI_20, described_classes
+from puckbench.geometry.labels import (
+    PCL_SEGMENTATION,
+    REMISSION,
+    SEMANTIC_KITTI_20,
+    described_classes,
+)
 from puckbench.scene_sets.base import FolderSet
 from puckbench.scene_sets.registry import LOADERS
 from puckbench.scene_sets.scene import Scene, safe_name
@@ -26,7 +31,7 @@ from puckbench.scene_sets.scene import Scene, safe_name
 CODE = ("puckbench.geometry.labels", "cloud_files.npy")
 
 _CHANNELS = 6
-_DEPTH, _LABEL = 4, 5
+_INTENSITY, _DEPTH, _LABEL = 3, 4, 5
 LABELS: Mapping[str, tuple[str, ...]] = {
     SEMANTIC_KITTI_20: (
         *("unlabeled", "car", "bicycle", "motorcycle", "truck", "other-vehicle", "person"),
@@ -49,8 +54,8 @@ class LabelledRangeImages(FolderSet):
     left and the 20 labels of its benchmark; of nuScenes, with x right, y forward and 11 labels of
     its own (``labels: pclsegmentation, forward: y``); and of a VLP-32C that looks ahead, with x
     forward and these 11 labels. Scenes have the axes x right, y forward, z up, and the sensor at
-    (0, 0, 0). Points are ordered by row and column. Pixels with depth 0 are no points. Intensities
-    are ignored.
+    (0, 0, 0). Points are ordered by row and column. Pixels with depth 0 are no points. Intensities of
+    SemanticKITTI, which are from 0 to 1, become the field ``remission``.
     """
 
     of_clouds: ClassVar[bool] = True
@@ -80,7 +85,9 @@ class LabelledRangeImages(FolderSet):
             xyz = np.column_stack([-xyz[:, 1], xyz[:, 0], xyz[:, 2]])
         classes = self._classes(pixels[:, _LABEL], path)
         about = self.about(path.name, **described_classes(LABELS[self.labels], self.labels))
-        cloud = PointCloud(xyz, labels=classes, about=about)
+        is_kitti = self.labels == SEMANTIC_KITTI_20
+        light = {REMISSION: pixels[:, _INTENSITY].astype(np.float64)} if is_kitti else {}
+        cloud = PointCloud(xyz, labels=classes, about=about, fields=light)
         group = safe_name(path.parent.name)
         return Scene(name, group, cloud=cloud, origin=(0.0, 0.0, 0.0), about=about)
 

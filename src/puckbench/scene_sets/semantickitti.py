@@ -16,10 +16,11 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from cloud_files.float32_frames import float32_rows
 from pointkit.errors import InputError
 from pointkit.files import read_bytes
 from pointkit.geometry.cloud import UncheckedCloud
-from puckbench.geometry.labels import SEMANTIC_KITTI, described_classes
+from puckbench.geometry.labels import REMISSION, SEMANTIC_KITTI, described_classes
 from puckbench.scene_sets.kitti import TURNED, Kitti
 from puckbench.scene_sets.registry import LOADERS
 from puckbench.scene_sets.scene import Scene
@@ -48,8 +49,8 @@ class SemanticKitti(Kitti):
     The folder contains ``sequences/00/velodyne/000000.bin`` and
     ``sequences/00/labels/000000.label``. Frames without labels, such as those of the test
     sequences, are not listed. Points have the axes x right, y forward, z up, and the sensor is at
-    (0, 0, 0). Every point has one of the published classes. Labels are not kept by the option
-    `returns`.
+    (0, 0, 0). Every point has one of the published classes and, as the field ``remission``, the share
+    of light that came back. Scenes of the option `returns` have neither.
     """
 
     licence = "CC BY-NC-SA 4.0"
@@ -72,7 +73,9 @@ class SemanticKitti(Kitti):
 
     def read(self, path: Path) -> UncheckedCloud:
         cloud = super().read(path)
-        return replace(cloud, labels=read_labels(label_file(path), len(cloud)))
+        light = float32_rows(read_bytes(path), 4, path)[:, 3].astype(np.float64)
+        labels = read_labels(label_file(path), len(cloud))
+        return replace(cloud, labels=labels, fields={REMISSION: light})
 
     def load(self, name: str) -> Scene:
         scene = super().load(name)
