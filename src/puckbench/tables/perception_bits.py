@@ -54,6 +54,7 @@ def _of_curve(rows: pd.DataFrame) -> dict[str, Any]:
     return {
         "task_title": lowest["task_title"],
         "sensor": lowest["sensor"],
+        "along_rays": bool(lowest["along_rays"]),
         "unit": lowest["unit"],
         "scenes": int(lowest["scenes"]),
         "undecoded": float(lowest["undecoded"]),

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from pointkit.errors import InputError
+from puckbench.codecs.registry import codec_class, is_codec
 from puckbench.metrics.metric_registry import METRICS
 from puckbench.metrics.statistics import (
     NO_VERDICT,
@@ -39,6 +40,8 @@ _BEST_TIMES = (KEPT, AZIMUTH, NONE)
         "task": "Task",
         "task_title": "Task, in words",
         "loss": "Loss to no coding",
+        "along_rays": "Points move along their rays",
+        "most_bits": "Bits of the highest rate",
     },
     shown=(*KEYS, "bits", "undecoded", "loss", "verdict"),
 )
@@ -47,6 +50,7 @@ def perception_losses(
     drives: pd.DataFrame | None = None,
     clouds: pd.DataFrame | None = None,
     measures: Sequence[Mapping[str, Any]] | None = None,
+    along_rays: Sequence[str] | None = None,
 ) -> pd.DataFrame:
     """The table shows how much worse each task gets by coding, on the same scans or drives.
 
@@ -57,14 +61,23 @@ def perception_losses(
     the extreme losses of a scene. ``margin`` is fixed before the measurement, by the task or as
     ``task_margins`` in the configuration. ``verdict`` is ``better`` if the interval is below 0,
     ``not worse`` if it is below the margin, ``worse`` if it is above 0, otherwise ``undecided``,
-    and ``no verdict`` for fewer than 6 scenes.
+    and ``no verdict`` for fewer than 6 scenes. ``along_rays`` tells whether the codec codes returns,
+    whose errors are along the sensor's rays, or points, which it moves to a grid.
     """
     import pandas as pd
 
     judged = declared_measures() if measures is None else tuple(map(_measure, measures))
     sensors = _sensors(clouds)
+
+    def moved_along_rays(codec: str) -> bool:
+        return _is_along_rays(codec) if along_rays is None else codec in along_rays
+
     rows = [
-        {**row, "sensor": sensors.get(str(row["dataset"]), "")}
+        {
+            **row,
+            "along_rays": moved_along_rays(str(row["codec"])),
+            "sensor": sensors.get(str(row["dataset"]), ""),
+        }
         for table in (metrics, drives)
         if table is not None
         for measure in judged
@@ -79,6 +92,10 @@ def declared_measures() -> tuple[TaskMeasure, ...]:
     """Return the measures of all installed metrics and tasks, with their own margins."""
     plugins = [*map(METRICS.get, METRICS.names()), *map(TASKS.get, TASKS.names())]
     return tuple(measure for plugin in plugins for measure in plugin.measures)
+
+
+def _is_along_rays(codec: str) -> bool:
+    return is_codec(codec) and codec_class(codec).along_rays
 
 
 def _measure(values: Mapping[str, Any]) -> TaskMeasure:

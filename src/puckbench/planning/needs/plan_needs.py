@@ -43,7 +43,8 @@ def odometry_on_drives(plan: Plan) -> Options | None:
 def tasks_with_margins(plan: Plan) -> Options | None:
     """Require a metric or a drive's task that declares by what it is judged.
 
-    Tables get these measures, with the configured margins.
+    Tables get these measures, with the configured margins, and the names of codecs whose errors are
+    along the sensor's rays.
     """
     tasks: dict[str, Metric | Task] = {}
     for dataset in {data.name: data for data in plan.coded}:
@@ -55,7 +56,9 @@ def tasks_with_margins(plan: Plan) -> Options | None:
         return None
     with naming("task_margins"):
         judged = with_margins(measures, plan.config.task_margins)
-    return {"measures": [each.model_dump(mode="json") for each in judged]}
+    along_rays = [name for name, codec in plan.opened.items() if codec.along_rays]
+    described = [each.model_dump(mode="json") for each in judged]
+    return {"measures": described, "along_rays": along_rays}
 
 
 @NEEDS.register("attributes")
