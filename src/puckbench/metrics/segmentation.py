@@ -32,7 +32,9 @@ WITHIN_M = 0.5
 a grid of 500 mm is at most 0.43 m from the points of the cell."""
 MARGIN_PERCENT = 1.0
 """Largest loss of mean IoU, in percentage points, that counts as none."""
-_WAYS = {
+PREFIXES = ("segmentation", "mininet")
+"""Names of the metrics of segmentation, and beginnings of their columns: our network, 3D-MiniNet."""
+WAYS = {
     "": "after coding",
     "undecoded_": "without coding",
     "decoded_": "of the decoded points alone",
@@ -241,7 +243,7 @@ def segmentation_columns(prefix: str, network: str) -> Iterator[Column]:
         The network in words, with which descriptions end.
     """
     missing = "the scan has no labels"
-    for way, whose in _WAYS.items():
+    for way, whose in WAYS.items():
         words = f"{whose}, {network}"
         begin = f"{prefix}_{way}"
         first = not way

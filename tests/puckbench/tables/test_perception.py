@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from typing import Any
 
 import numpy as np
@@ -12,9 +13,11 @@ from scipy import stats
 from pointkit.errors import InputError
 from puckbench.figures.perception import draw_perception
 from puckbench.figures.style import FigureStyle
+from puckbench.metrics.segmentation import WAYS
 from puckbench.metrics.task_measures import TaskMeasure, with_margins
 from puckbench.tables.perception_bits import perception_bits
 from puckbench.tables.perception_losses import perception_losses
+from puckbench.tables.segmentation_scores import segmentation_scores
 
 BEFORE = np.array([60.0, 55, 70, 64, 58, 61])
 NOISE = np.array([0.2, -0.1, 0.3, 0.0, -0.2, 0.1])
@@ -147,3 +150,17 @@ def test_figure_tells_codecs_of_returns_and_of_points() -> None:
     assert titles == ["Streets (n = 6)", "Ways (n = 6)"]
     labels = [axes.get_ylabel() for axes in figure.axes if axes.axison]
     assert labels == ["Seen:\nloss (%)", "Missed:\nloss (m)"]
+
+
+def test_scores_over_all_scans_are_those_of_added_counts() -> None:
+    rows = []
+    for cloud, counts in {"a": [[8, 2, 0], [0, 0, 0]], "b": [[0, 0, 0], [1, 3, 6]]}.items():
+        same = {f"segmentation_{way}confusion": json.dumps(counts) for way in WAYS}
+        about = {"dataset": "d", "cloud": cloud, "codec": "gpcc", "rate": "r", "bpp": 2.0}
+        rows.append({**about, **same, "segmentation_classes": "low, high"})
+    table = segmentation_scores(pd.DataFrame(rows))
+    assert table["judged"].tolist() == ["coded", "without coding", "decoded", "holes"]
+    row = table.iloc[0]
+    assert row["miou_percent"] == pytest.approx(100 * (8 / 11 + 3 / 12) / 2)
+    assert row["accuracy_percent"] == pytest.approx(55)
+    assert (row["clouds"], row["iou_percent"]) == (2, "low 72.7, high 25.0")

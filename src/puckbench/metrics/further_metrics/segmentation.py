@@ -12,6 +12,7 @@ from puckbench.geometry.labels import REMISSION, class_labels
 from puckbench.metrics.metric_registry import METRICS
 from puckbench.metrics.segmentation import (
     IGNORED,
+    PREFIXES,
     WITHIN_M,
     Classes,
     JudgedScan,
@@ -26,8 +27,7 @@ CODE = (
     "lidar_segmentation.*",
 )
 
-NAME, MININET = "segmentation", "mininet"
-"""Names of the metrics, and beginnings of their columns."""
+NAME, MININET = PREFIXES
 _NEEDS = ("lidar_segmentation", "torch")
 _OWN, _TINY = "our network", "3D-MiniNet"
 

@@ -7,6 +7,7 @@ from puckbench.codecs.base import Codec
 from puckbench.codecs.rates import rates_of
 from puckbench.geometry.attributes import RETURNS
 from puckbench.metrics.metric_registry import METRICS, Metric
+from puckbench.metrics.segmentation import PREFIXES
 from puckbench.metrics.task_measures import with_margins
 from puckbench.metrics.task_registry import TASKS, Task
 from puckbench.planning.needs.registry import NEEDS, Options
@@ -59,6 +60,12 @@ def tasks_with_margins(plan: Plan) -> Options | None:
     along_rays = [name for name, codec in plan.opened.items() if codec.along_rays]
     described = [each.model_dump(mode="json") for each in judged]
     return {"measures": described, "along_rays": along_rays}
+
+
+@NEEDS.register("segmentation")
+def segmentation_metrics(plan: Plan) -> Options | None:
+    """Require that a coded data set is segmented."""
+    return _if(any({*PREFIXES} & plan.metrics_of(data.name).keys() for data in plan.coded))
 
 
 @NEEDS.register("attributes")
