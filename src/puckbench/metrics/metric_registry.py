@@ -70,6 +70,8 @@ class Metric:
         Names of Python modules that the metric requires.
     files
         Function that returns the paths of the files that options name.
+    memory_mb
+        Memory, in MB, that the metric needs besides that of the codec.
     """
 
     name: str
@@ -77,6 +79,7 @@ class Metric:
     measures: tuple[TaskMeasure, ...] = ()
     needs: tuple[str, ...] = ()
     files: Callable[..., Iterable[Path]] = _no_files
+    memory_mb: int = 0
 
     @property
     def missing(self) -> tuple[str, ...]:

@@ -193,13 +193,14 @@ class Evaluate(Measuring, TimedStep):
         )
         truth = files.truth(dataset, cloud)
         inputs = {**files.cloud(dataset, cloud), **files.described(truth)}
+        further_mb = sum(METRICS.get(name).memory_mb for name in step.metrics)
         return planned_codec_step(
             flow,
             step,
             {**inputs, "curve": files.curve(dataset, cloud, codec)},
             *map(METRICS.module_of, step.metrics),
             also=" ".join((*truth, plan.digest_of(plan.files_of_metrics(dataset)))).strip(),
-            memory_mb=flow.costs.memory_mb(codec) + flow.costs.views_mb,
+            memory_mb=flow.costs.memory_mb(codec) + flow.costs.views_mb + further_mb,
         )
 
     def plugins(self) -> Iterable[str | None]:

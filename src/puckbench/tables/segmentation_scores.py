@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any
 
@@ -70,6 +71,6 @@ def _of_network(metrics: pd.DataFrame, prefix: str) -> Iterator[dict[str, Any]]:
                 "miou_percent": mean_iou_percent(counts),
                 "accuracy_percent": accuracy_percent(counts),
                 "iou_percent": ", ".join(
-                    f"{name} {100 * iou:.1f}" for name, iou in ious if iou == iou
+                    f"{name} {100 * iou:.1f}" for name, iou in ious if not math.isnan(iou)
                 ),
             }

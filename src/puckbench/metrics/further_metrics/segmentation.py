@@ -29,6 +29,7 @@ CODE = (
 
 NAME, MININET = PREFIXES
 _NEEDS = ("lidar_segmentation", "torch")
+_MEMORY_MB = 800
 _OWN, _TINY = "our network", "3D-MiniNet"
 
 
@@ -50,6 +51,7 @@ def _folder(weights: str = "", **_: Any) -> Iterable[Path]:
     measures=segmentation_measure(NAME, "Segmentation, our network"),
     needs=_NEEDS,
     files=_weights,
+    memory_mb=_MEMORY_MB,
 )
 class Segmentation(SegmentationMetric):
     """Semantic segmentation of decoded scans by our own network (`lidar_segmentation`).
@@ -90,6 +92,7 @@ class Segmentation(SegmentationMetric):
     measures=segmentation_measure(MININET, "Segmentation, 3D-MiniNet"),
     needs=_NEEDS,
     files=_folder,
+    memory_mb=_MEMORY_MB,
 )
 class MiniNetSegmentation(SegmentationMetric):
     """Semantic segmentation of decoded scans of an HDL-64E by 3D-MiniNet.
