@@ -125,7 +125,9 @@ def network_input(image: RangeImage) -> tuple[Singles, Singles]:
     """
     mask = image.mask.astype(np.float32)
     raw = image.channels * mask
-    means, deviations = (np.array(each, np.float32)[:, None, None] for each in (_MEANS, _DEVIATIONS))
+    means, deviations = (
+        np.array(each, np.float32)[:, None, None] for each in (_MEANS, _DEVIATIONS)
+    )
     normalised = (raw - means) / deviations * mask
     there, points = _windows(mask[None]), _windows(raw)
     count = there.sum(axis=1)
@@ -333,7 +335,10 @@ def _module_of(states: Mapping[str, Mapping[str, Tensor]]) -> MiniNetModule:
     classes = int(states["head"]["0.weight"].shape[0])
     if classes != len(CLASSES) + 1:
         raise ValueError(f"{classes} classes")
-    blocks = _count(backbone, r"enc2\.residual_(\d+)\."), _count(backbone, r"enc3\.residual_(\d+)\.")
+    blocks = (
+        _count(backbone, r"enc2\.residual_(\d+)\."),
+        _count(backbone, r"enc3\.residual_(\d+)\."),
+    )
     back = _count(decoder, r"dec4\.residual(\d*)\."), _count(decoder, r"dec3\.residual(\d*)\.")
     return MiniNetModule(width, blocks, back, classes)
 

@@ -24,12 +24,8 @@ def _pointwise(before: int, after: int) -> nn.Conv2d:
     return nn.Conv2d(before, after, 1, bias=False)
 
 
-def _depthwise(
-    channels: int, stride: int = 1, dilation: tuple[int, int] = (1, 1)
-) -> nn.Conv2d:
-    return nn.Conv2d(
-        channels, channels, 3, stride, dilation, dilation, groups=channels, bias=False
-    )
+def _depthwise(channels: int, stride: int = 1, dilation: tuple[int, int] = (1, 1)) -> nn.Conv2d:
+    return nn.Conv2d(channels, channels, 3, stride, dilation, dilation, groups=channels, bias=False)
 
 
 class _Separable(nn.Module):
@@ -38,9 +34,7 @@ class _Separable(nn.Module):
     With a `dilation`, a second depthwise convolution with this dilation is added to the first.
     """
 
-    def __init__(
-        self, before: int, after: int, dilation: tuple[int, int] | None = None
-    ) -> None:
+    def __init__(self, before: int, after: int, dilation: tuple[int, int] | None = None) -> None:
         super().__init__()
         self.conv1, self.bn1 = _depthwise(before), nn.BatchNorm2d(before, _EPSILON)
         if dilation is not None:

@@ -34,9 +34,7 @@ _LINES = {True: "-", False: (0, (1, 1.5))}
 _WORDS = {True: "returns", False: "points"}
 
 
-@FIGURES.register(
-    "perception", title="Tasks after decoding", category="Tasks", needs=(PERCEPTION,)
-)
+@FIGURES.register("perception", title="Tasks after decoding", category="Tasks", needs=(PERCEPTION,))
 def draw_perception(perception_losses: pd.DataFrame, style: FigureStyle) -> Figure:
     """Loss of each task by coding, against bits per point or return: a row of panels for each task,
     a column for each data set. Positive losses are worse results than without coding. The axis is

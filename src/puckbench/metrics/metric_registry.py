@@ -171,7 +171,9 @@ class FurtherMetrics:
         for name, measured in self._metrics.items():
             values = measured(decoded)
             if clash := sorted(values.keys() & {*columns, *results}):
-                raise InputError(f"metric {name}: the column '{clash[0]}' exists already; rename it")
+                raise InputError(
+                    f"metric {name}: the column '{clash[0]}' exists already; rename it"
+                )
             results |= values
         return results
 

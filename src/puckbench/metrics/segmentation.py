@@ -33,7 +33,7 @@ a grid of 500 mm is at most 0.43 m from the points of the cell."""
 MARGIN_PERCENT = 1.0
 """Largest loss of mean IoU, in percentage points, that counts as none."""
 PREFIXES = ("segmentation", "mininet")
-"""Names of the metrics of segmentation, and beginnings of their columns: our network, 3D-MiniNet."""
+"""Names of the metrics, and beginnings of their columns: of our network, and of 3D-MiniNet."""
 WAYS = {
     "": "after coding",
     "undecoded_": "without coding",
@@ -247,7 +247,9 @@ def segmentation_columns(prefix: str, network: str) -> Iterator[Column]:
         words = f"{whose}, {network}"
         begin = f"{prefix}_{way}"
         first = not way
-        yield Column(f"{begin}miou_percent", f"Mean IoU {words}", "%", HIGHER, TASK, missing=missing)
+        yield Column(
+            f"{begin}miou_percent", f"Mean IoU {words}", "%", HIGHER, TASK, missing=missing
+        )
         text = f"Accuracy {words}"
         yield Column(f"{begin}accuracy_percent", text, "%", HIGHER, TASK, missing=missing)
         text = f"Points by true and predicted class, {words}"

@@ -285,14 +285,7 @@ class Plan:
             if not self._lacks_start(name, value):
                 self.trainings[name] = self._training(name, value)
         self.segmentations = dict(self._segmentations())
-        with naming("metrics"):
-            for name in config.metrics:
-                if name not in METRICS:  # importing puckbench's own metrics takes long
-                    METRICS.get(name)
-        for dataset, data in config.datasets.items():
-            with naming(f"datasets.{dataset}.metrics"):
-                for name, options in data.metrics.items():
-                    METRICS.get(name).check(options)
+        self._check_metrics()
         self.drives = _runnable(config.drives)
         self.study = self._study(config.sensor_study) if config.sensor_study else None
         if not (self.datasets or self.study or self.drives or config.failed):
@@ -300,6 +293,16 @@ class Plan:
         if config.strict and check_scenes:
             for row in self._rates_left_out():
                 raise InputError(f"{row['file']}: {row['reason']}")
+
+    def _check_metrics(self) -> None:
+        with naming("metrics"):
+            for name in self.config.metrics:
+                if name not in METRICS:  # importing puckbench's own metrics takes long
+                    METRICS.get(name)
+        for dataset, data in self.config.datasets.items():
+            with naming(f"datasets.{dataset}.metrics"):
+                for name, options in data.metrics.items():
+                    METRICS.get(name).check(options)
 
     def metrics_of(self, dataset: str) -> dict[str, Options]:
         """Return the options of the further metrics of a data set's decoded clouds, by name.

@@ -54,8 +54,8 @@ class LabelledRangeImages(FolderSet):
     left and the 20 labels of its benchmark; of nuScenes, with x right, y forward and 11 labels of
     its own (``labels: pclsegmentation, forward: y``); and of a VLP-32C that looks ahead, with x
     forward and these 11 labels. Scenes have the axes x right, y forward, z up, and the sensor at
-    (0, 0, 0). Points are ordered by row and column. Pixels with depth 0 are no points. Intensities of
-    SemanticKITTI, which are from 0 to 1, become the field ``remission``.
+    (0, 0, 0). Points are ordered by row and column. Pixels with depth 0 are no points. Intensities
+    of SemanticKITTI, which are from 0 to 1, become the field ``remission``.
     """
 
     of_clouds: ClassVar[bool] = True

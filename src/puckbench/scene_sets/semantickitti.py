@@ -1,4 +1,4 @@
-"""SemanticKITTI (Behley 2019): the frames of KITTI's odometry benchmark, with a class for each point.
+"""SemanticKITTI (Behley 2019): frames of KITTI's odometry benchmark with a class for each point.
 
 References
 ----------
@@ -49,8 +49,8 @@ class SemanticKitti(Kitti):
     The folder contains ``sequences/00/velodyne/000000.bin`` and
     ``sequences/00/labels/000000.label``. Frames without labels, such as those of the test
     sequences, are not listed. Points have the axes x right, y forward, z up, and the sensor is at
-    (0, 0, 0). Every point has one of the published classes and, as the field ``remission``, the share
-    of light that came back. Scenes of the option `returns` have neither.
+    (0, 0, 0). Every point has one of the published classes and, as the field ``remission``, the
+    share of light that came back. Scenes of the option `returns` have neither.
     """
 
     licence = "CC BY-NC-SA 4.0"
@@ -65,7 +65,9 @@ class SemanticKitti(Kitti):
 
     def listed(self, folder: Path) -> Mapping[str, Path]:
         labelled = {
-            name: path for name, path in super().listed(folder).items() if label_file(path).is_file()
+            name: path
+            for name, path in super().listed(folder).items()
+            if label_file(path).is_file()
         }
         if not labelled:
             raise self.missing("labelled frames (.bin and .label)")

@@ -57,12 +57,12 @@ def perception_losses(
     ``bits`` are bits per point or return, ``undecoded`` and ``value`` the mean results of the task
     without and with coding, in ``unit``. ``loss`` is the mean of the paired losses: positive if
     coding makes the task worse. Scans of one scene are averaged first. For 6 or more scenes,
-    ``low`` and ``high`` are the 95 % interval of the loss by Student's t. ``least`` and ``most`` are
-    the extreme losses of a scene. ``margin`` is fixed before the measurement, by the task or as
+    ``low`` and ``high`` are the 95 % interval of the loss by Student's t. ``least`` and ``most``
+    are the extreme losses of a scene. ``margin`` is fixed before the measurement, by the task or as
     ``task_margins`` in the configuration. ``verdict`` is ``better`` if the interval is below 0,
     ``not worse`` if it is below the margin, ``worse`` if it is above 0, otherwise ``undecided``,
-    and ``no verdict`` for fewer than 6 scenes. ``along_rays`` tells whether the codec codes returns,
-    whose errors are along the sensor's rays, or points, which it moves to a grid.
+    and ``no verdict`` for fewer than 6 scenes. ``along_rays`` tells whether the codec codes
+    returns, whose errors are along the sensor's rays, or points, which it moves to a grid.
     """
     import pandas as pd
 
@@ -180,5 +180,3 @@ def _best_timed(drives: pd.DataFrame) -> pd.DataFrame:
     rate = ordered["rate"].where(ordered["codec"] != UNDECODED, "")
     first = ~ordered.assign(rate=rate).duplicated(["dataset", "cloud", "codec", "rate"])
     return ordered[first].drop(columns="_rank").sort_index()
-
-

@@ -61,7 +61,7 @@ def test_a_dropped_point_is_wrong_unless_another_answers_for_it() -> None:
 
 
 def test_the_control_has_the_same_holes_and_no_displacement() -> None:
-    moved = LINE[:6] + [0.4, 0, 0]  # 3.4 m stays low, and 6 m, 7 m are dropped
+    moved = LINE[:6] + np.array([0.4, 0, 0])  # 3.4 m stays low, and 6 m, 7 m are dropped
     moved[3, 0] = 4.4
     counts = judged(moved)
     assert counts[""].tolist() == [[3, 0, 1], [0, 2, 2]]
@@ -135,7 +135,7 @@ def test_scans_that_cannot_be_judged_are_refused_in_one_line(weights: Path, tmp_
     (tmp_path / "other").write_bytes(b"no weights")
     with pytest.raises(InputError, match="damaged weights"):
         further_metrics({"segmentation": {"network": str(tmp_path / "other")}}, good, good, ())
-    with pytest.raises(InputError, match="metric segmentation: options: .*'netwerk'"):
+    with pytest.raises(InputError, match=r"metric segmentation: options: .*'netwerk'"):
         further_metrics({"segmentation": {"netwerk": "streets"}}, good, good, ())
     with pytest.raises(InputError, match=r"backbone: no such file"):
         further_metrics({"mininet": {"weights": str(tmp_path)}}, good, good, ())

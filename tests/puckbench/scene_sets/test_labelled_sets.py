@@ -14,10 +14,10 @@ from puckbench.scene_sets.semantickitti import SemanticKitti
 from tests.support.files import put
 
 FRAME = np.array(
-    [[10, -2, 0.5, 0.3], [0, 0, 0, 0], [-4, 3, -1.7, 0.25], [7, 8, 9, 0.5]], dtype="<f4"
+    [[10, -2, 0.5, 0.3], [np.nan, 0, 0, 0], [-4, 3, -1.7, 0.25], [7, 8, 9, 0.5]], dtype="<f4"
 )
 LABELS = np.array([10, 0, (7 << 16) | 252, 99], dtype="<u4")
-"""A car, a missing return, a moving car with number 7, and another object."""
+"""A car, a point that is not finite, a moving car with number 7, and another object."""
 
 
 def kitti(root: Path, labels: np.ndarray = LABELS) -> SemanticKitti:
@@ -49,9 +49,7 @@ def test_labels_are_the_lower_half_and_travel_with_their_points(tmp_path: Path) 
         (LABELS + 2, r"000003\.label: 12 is none of SemanticKITTI's classes"),
     ],
 )
-def test_labels_that_do_not_fit_are_refused(
-    tmp_path: Path, labels: np.ndarray, fault: str
-) -> None:
+def test_labels_that_do_not_fit_are_refused(tmp_path: Path, labels: np.ndarray, fault: str) -> None:
     with pytest.raises(InputError, match=fault):
         kitti(tmp_path, labels).load("08_000003")
 

@@ -22,11 +22,15 @@ SPIN = {"preset": "spin", "rotation_hz": 10, "frames_per_second": 10, "duration_
 def floor_and_walls() -> Mesh:
     """A floor of 8 m x 8 m at z = 0, and four walls of 3 m; two objects are walls."""
     low = np.array([[-4, -4, 0], [4, -4, 0], [4, 4, 0], [-4, 4, 0]], float)
-    vertices = np.vstack([low, low + [0, 0, 3]])
+    vertices = np.vstack([low, low + np.array([0, 0, 3])])
     walls = [[i, (i + 1) % 4, 4 + (i + 1) % 4] for i in range(4)]
     walls += [[i, 4 + (i + 1) % 4, 4 + i] for i in range(4)]
     triangles = np.array([[0, 1, 2], [0, 2, 3], *walls])
-    objects = (SceneObject("wall_1", "wall"), SceneObject("floor_1", "floor"), SceneObject("w", "wall"))
+    objects = (
+        SceneObject("wall_1", "wall"),
+        SceneObject("floor_1", "floor"),
+        SceneObject("w", "wall"),
+    )
     numbers = np.array([1, 1, *[0, 2] * 4], np.int32)
     labels = Labels(numbers, np.zeros(10, np.int32), objects, (Primitive("plane", {}),))
     return Mesh(vertices, triangles, labels)
@@ -34,7 +38,7 @@ def floor_and_walls() -> Mesh:
 
 def test_points_have_the_classes_of_the_surfaces_on_which_they_lie(tmp_path: Path) -> None:
     mesh, table = tmp_path / "box.ply", tmp_path / "box.parquet"
-    write_mesh(mesh, floor_and_walls(), {"name": "box", "origin": [0.0, 0.0, 1.5]})
+    write_mesh(mesh, floor_and_walls(), {"name": "box", "origin": [0.0, 0.0, 0.8]})
     sweep = {**SPIN, "azimuth_step_deg": 2.0}
     Scan(sweep=sweep, errors="vlp16", seed=1).run(mesh, table)
     files = {name: tmp_path / f"made.{name}" for name in ("ply", "parquet")}
@@ -44,7 +48,7 @@ def test_points_have_the_classes_of_the_surfaces_on_which_they_lie(tmp_path: Pat
     cloud, true = read_cloud(files["ply"]), read_cloud(tmp_path / "true.ply")
     numbers, names, label_set = class_labels(cloud)
     assert (names, label_set) == (("floor", "wall"), "scene")
-    on_floor = np.abs(true.xyz[:, 2] + 1.5) < 1e-6
+    on_floor = np.abs(true.xyz[:, 2] + 0.8) < 1e-6
     assert 0 < on_floor.sum() < len(true)
     np.testing.assert_array_equal(np.array(names)[numbers] == "floor", on_floor)
 

@@ -117,9 +117,7 @@ class MiniNetSegmentation(SegmentationMetric):
         file of weights is missing or of another network.
     """
 
-    def __init__(
-        self, reference: PointCloud, *, weights: str, within_m: float = WITHIN_M
-    ) -> None:
+    def __init__(self, reference: PointCloud, *, weights: str, within_m: float = WITHIN_M) -> None:
         from lidar_segmentation.mininet import open_mininet
 
         opened = open_mininet(Path(weights))
