@@ -51,6 +51,8 @@ _UNJUDGED = ("unlabeled", "outlier", "other-structure", "other-object")
 _LABEL_SETS = ("semantickitti", "semantickitti_benchmark")
 
 ROWS, COLUMNS = 64, 2048
+_COARSEST = 8
+"""Columns of the image in one of the coarsest features."""
 _UP_DEG, _DOWN_DEG = 3.0, -25.0
 _MEANS, _DEVIATIONS = (12.12, 10.88, 0.23, -1.04, 0.21), (12.32, 11.47, 6.91, 0.86, 0.16)
 """Of range, x, y, z in m (x forward, y left) and remission, over the pixels of the training."""
@@ -281,7 +283,7 @@ def mininet_files(folder: Path) -> tuple[Path, ...]:
     return files
 
 
-def open_mininet(folder: Path) -> MiniNet:
+def open_mininet(folder: Path, columns: int = COLUMNS) -> MiniNet:
     """Open 3D-MiniNet with the weights in a folder.
 
     Parameters
@@ -290,12 +292,16 @@ def open_mininet(folder: Path) -> MiniNet:
         Folder with the files ``backbone``, ``segmentation_decoder`` and ``segmentation_head``, as
         published for 3D-MiniNet-tiny and the larger networks. The numbers of blocks are those of
         the weights: the file beside the published ones names another.
+    columns
+        Number of columns of the range image, a multiple of 8; by default the published one.
 
     Raises
     ------
     InputError
         A file is missing, damaged, or has weights of another network.
     """
+    if columns < _COARSEST or columns % _COARSEST:
+        raise InputError(f"columns: {columns} is not a multiple of {_COARSEST}")
     files = mininet_files(folder)
     digest = hashlib.sha256(b"".join(map(read_bytes, files))).hexdigest()
     states = dict(zip(PARTS, map(_state, files), strict=True))
@@ -305,7 +311,7 @@ def open_mininet(folder: Path) -> MiniNet:
             module.get_submodule(part).load_state_dict(state)
     except (KeyError, RuntimeError, ValueError, IndexError, AttributeError) as error:
         raise InputError(f"{folder}: weights of another network than 3D-MiniNet") from error
-    return MiniNet(digest[:_DIGEST_DIGITS], module.eval())
+    return MiniNet(digest[:_DIGEST_DIGITS], module.eval(), columns)
 
 
 def _state(file: Path) -> dict[str, Tensor]:

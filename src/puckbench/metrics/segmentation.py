@@ -10,6 +10,7 @@ from __future__ import annotations
 import json
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -77,7 +78,8 @@ def class_ious(counts: Counts) -> Floats:
     """
     correct, true = np.diag(counts), counts.sum(axis=1)
     union = true + counts[:, : len(counts)].sum(axis=0) - correct
-    return np.divide(correct, union, out=np.full(len(counts), np.nan), where=true > 0)
+    ious = np.divide(correct, union, out=np.full(len(counts), np.nan), where=true > 0)
+    return np.asarray(ious)
 
 
 def mean_iou_percent(counts: Counts) -> float:
@@ -257,10 +259,10 @@ def segmentation_columns(prefix: str, network: str) -> Iterator[Column]:
         if first:
             text = f"Points without an answer, {network}"
             yield Column(f"{prefix}_unanswered_percent", text, "%", LOWER, TASK, missing=missing)
-    how = {"group": RUN, "missing": missing, "bookkeeping": True}
-    yield Column(f"{prefix}_classes", f"Classes, {network}", **how)
-    yield Column(f"{prefix}_network", f"Weights, {network}", **how)
-    yield Column(f"{prefix}_within_m", f"Distance of answers, {network}", "m", **how)
+    how = partial(Column, group=RUN, missing=missing, bookkeeping=True)
+    yield how(f"{prefix}_classes", f"Classes, {network}")
+    yield how(f"{prefix}_network", f"Weights, {network}")
+    yield how(f"{prefix}_within_m", f"Distance of answers, {network}", "m")
 
 
 def segmentation_measure(prefix: str, title: str) -> Sequence[TaskMeasure]:

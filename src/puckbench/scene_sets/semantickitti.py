@@ -12,6 +12,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -120,7 +121,7 @@ def read_labels(path: Path, points: int) -> NDArray[np.int32]:
     return places_of(np.frombuffer(data, "<u4") & _CLASS_BITS, path)
 
 
-def places_of(numbers: NDArray[np.uint32], path: Path) -> NDArray[np.int32]:
+def places_of(numbers: NDArray[np.integer[Any]], path: Path) -> NDArray[np.int32]:
     """Convert published numbers of classes to indices into `NAMES`.
 
     Raises InputError, which names the file `path`, for a number that is not published.

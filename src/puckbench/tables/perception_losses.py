@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
+from itertools import chain
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -90,8 +91,9 @@ def perception_losses(
 
 def declared_measures() -> tuple[TaskMeasure, ...]:
     """Return the measures of all installed metrics and tasks, with their own margins."""
-    plugins = [*map(METRICS.get, METRICS.names()), *map(TASKS.get, TASKS.names())]
-    return tuple(measure for plugin in plugins for measure in plugin.measures)
+    of_metrics = (METRICS.get(name).measures for name in METRICS.names())
+    of_tasks = (TASKS.get(name).measures for name in TASKS.names())
+    return tuple(chain.from_iterable((*of_metrics, *of_tasks)))
 
 
 def _is_along_rays(codec: str) -> bool:
@@ -157,7 +159,7 @@ def _paired(table: pd.DataFrame, measure: TaskMeasure) -> pd.DataFrame | None:
     rows = table[table[measure.column].notna()]
     if measure.undecoded:
         rows = rows[rows[measure.undecoded].notna()] if measure.undecoded in rows else rows[:0]
-        before = rows[measure.undecoded].astype(float)
+        before = rows[measure.undecoded].to_numpy(float)
     else:
         rows = _best_timed(rows)
         undecoded = rows[rows["codec"] == UNDECODED]

@@ -4,6 +4,8 @@ import math
 from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from pointkit.errors import InputError
 from puckbench.metrics.segmentation import (
     PREFIXES,
@@ -60,7 +62,8 @@ def _of_network(metrics: pd.DataFrame, prefix: str) -> Iterator[dict[str, Any]]:
     for key, group in judged.groupby(keys, sort=False):
         names = str(group[f"{prefix}_classes"].iloc[0]).split(", ")
         for way in WAYS:
-            counts = sum(map(confusion_of, group[f"{prefix}_{way}confusion"]))
+            matrices = [confusion_of(text) for text in group[f"{prefix}_{way}confusion"]]
+            counts = np.sum(matrices, axis=0)
             ious = zip(names, class_ious(counts), strict=True)
             yield {
                 **dict(zip(keys, key, strict=True)),

@@ -80,7 +80,7 @@ class Segmentation(SegmentationMetric):
         true, joined = _true_classes(reference, opened)
 
         def predict(points: Floats, _: Rows) -> Classes:
-            return joined(opened.predict(points))
+            return np.asarray(joined(opened.predict(points)))
 
         scan = JudgedScan(reference.xyz, true, opened.classes, predict, within_m)
         super().__init__(NAME, scan, f"{Path(network).name} {opened.digest}")
@@ -107,6 +107,9 @@ class MiniNetSegmentation(SegmentationMetric):
         Labelled scan in m, with the sensor at the origin, and x right, y forward, z up.
     weights
         Folder with the published weights.
+    columns
+        Number of columns of the range image. The published number suits whole scans of an HDL-64E;
+        scans that are range images themselves have fewer.
     within_m
         Largest distance, in m, of a decoded point that answers for an original one.
 
@@ -117,16 +120,23 @@ class MiniNetSegmentation(SegmentationMetric):
         file of weights is missing or of another network.
     """
 
-    def __init__(self, reference: PointCloud, *, weights: str, within_m: float = WITHIN_M) -> None:
+    def __init__(
+        self,
+        reference: PointCloud,
+        *,
+        weights: str,
+        columns: int = 2048,
+        within_m: float = WITHIN_M,
+    ) -> None:
         from lidar_segmentation.mininet import open_mininet
 
-        opened = open_mininet(Path(weights))
+        opened = open_mininet(Path(weights), columns)
         remission = reference.fields.get(REMISSION)
         true, joined = _true_classes(reference, opened)
 
         def predict(points: Floats, rows: Rows) -> Classes:
             light = None if remission is None else remission[rows]
-            return joined(opened.predict(points, light))
+            return np.asarray(joined(opened.predict(points, light)))
 
         scan = JudgedScan(reference.xyz, true, opened.classes, predict, within_m)
         super().__init__(MININET, scan, f"3D-MiniNet {opened.digest}")
