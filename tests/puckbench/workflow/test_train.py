@@ -114,16 +114,15 @@ TURNS = {
 
 
 def test_a_network_of_segmentation_is_trained_from_scenes(fresh: Bench) -> None:
-    entry = {**SEGMENTATION, "seeds": [1, 2]}
+    entry = {**SEGMENTATION, "seeds": [3]}
     others = {"figures": {}, "sensor_study": None}
     datasets = {"turns": TURNS}
     fresh.configure({**others, "datasets": datasets, "train_segmentation": {"rooms": entry}})
     fresh.made("train")
     folder = fresh.results / "segmentation"
-    cards = [read_json(folder / f"rooms-{seed}.json") for seed in (1, 2)]
-    assert [card["seed"] for card in cards] == [1, 2]
-    assert all(card["data"] == {"turns": ["copy_room_1"]} for card in cards)
-    assert all(0 <= card["validation"]["turns"]["miou"] <= 1 for card in cards)
+    card = read_json(folder / "rooms-3.json")
+    assert (card["seed"], card["data"]) == (3, {"turns": ["copy_room_1"]})
+    assert 0 <= card["validation"]["turns"]["miou"] <= 1
     assert fresh.planned("train") == {}
 
 
