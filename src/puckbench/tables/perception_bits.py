@@ -1,17 +1,19 @@
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from puckbench.metrics.statistics import BETTER, NO_VERDICT, NOT_WORSE
 from puckbench.tables.odometry_bits import NONE_SUFFICES
+from puckbench.tables.perception_losses import perception_losses
 from puckbench.tables.registry import PERCEPTION, TABLES
 
 if TYPE_CHECKING:
     import pandas as pd
 
-CODE = ("puckbench.tables.odometry_bits",)
+CODE = ("puckbench.tables.odometry_bits", "puckbench.tables.perception_losses")
 
 _KEYS = ["task", "codec", "dataset"]
 _OF_RATE = ("bits", "rate", "value", "loss", "low", "high")
@@ -23,7 +25,13 @@ _OF_RATE = ("bits", "rate", "value", "loss", "low", "high")
     needs=(PERCEPTION,),
     shown=("task_title", "codec", "dataset", "bits", "rate", "undecoded", "loss", "verdict"),
 )
-def perception_bits(perception_losses: pd.DataFrame) -> pd.DataFrame:
+def perception_bits(
+    metrics: pd.DataFrame | None = None,
+    drives: pd.DataFrame | None = None,
+    clouds: pd.DataFrame | None = None,
+    measures: Sequence[Mapping[str, Any]] | None = None,
+    along_rays: Sequence[str] | None = None,
+) -> pd.DataFrame:
     """The table shows from how many bits per return on a task is as good as without coding.
 
     ``bits`` and ``rate`` are those of the lowest rate that, like all higher ones, is not worse by
@@ -33,9 +41,14 @@ def perception_bits(perception_losses: pd.DataFrame) -> pd.DataFrame:
     95 % interval (``low`` and ``high``) the mean loss to the same scans without coding
     (``undecoded``). ``most_bits`` are those of the highest rate that was measured.
     """
+    return bits_needed(perception_losses(metrics, drives, clouds, measures, along_rays))
+
+
+def bits_needed(losses: pd.DataFrame) -> pd.DataFrame:
+    """Return the table `perception_bits` that follows from a table `perception_losses`."""
     import pandas as pd
 
-    groups = perception_losses.groupby(_KEYS, sort=False)
+    groups = losses.groupby(_KEYS, sort=False)
     return pd.DataFrame(
         [{**dict(zip(_KEYS, key, strict=True)), **_of_curve(rows)} for key, rows in groups]
     )

@@ -15,7 +15,7 @@ from puckbench.figures.perception import draw_perception
 from puckbench.figures.style import FigureStyle
 from puckbench.metrics.segmentation import WAYS
 from puckbench.metrics.task_measures import TaskMeasure, with_margins
-from puckbench.tables.perception_bits import perception_bits
+from puckbench.tables.perception_bits import bits_needed, perception_bits
 from puckbench.tables.perception_losses import perception_losses
 from puckbench.tables.segmentation_scores import segmentation_scores
 
@@ -86,10 +86,12 @@ def test_bits_are_those_from_which_on_no_rate_is_worse() -> None:
     verdicts = table.set_index("rate")["verdict"].to_dict()
     assert verdicts["500mm"] == verdicts["200mm"] == "worse"
     assert verdicts["100mm"] == verdicts["50mm"] == "not worse"
-    row = perception_bits(table).iloc[0]
+    row = bits_needed(table).iloc[0]
     assert (row["bits"], row["rate"], row["verdict"]) == (3.0, "100mm", "not worse")
     assert row["most_bits"] == 4.0
-    none = perception_bits(table[table["rate"] == "500mm"]).iloc[0]
+    same = perception_bits(metrics=metrics(), measures=[HIGHER], along_rays=["puck"])
+    assert same.iloc[0].to_dict() == row.to_dict()
+    none = bits_needed(table[table["rate"] == "500mm"]).iloc[0]
     assert none["verdict"] == "no rate suffices"
     assert np.isnan(none["bits"])
 
@@ -97,7 +99,7 @@ def test_bits_are_those_from_which_on_no_rate_is_worse() -> None:
 def test_a_finer_rate_that_is_worse_leaves_no_coarser_one() -> None:
     table = losses(metrics=metrics())
     table.loc[table["rate"] == "50mm", "verdict"] = "worse"
-    assert perception_bits(table).iloc[0]["verdict"] == "no rate suffices"
+    assert bits_needed(table).iloc[0]["verdict"] == "no rate suffices"
 
 
 def test_drives_are_compared_with_their_own_row_and_the_best_times() -> None:
@@ -112,7 +114,7 @@ def test_few_scenes_allow_no_verdict() -> None:
     table = losses(metrics=metrics(scenes=5))
     assert set(table["verdict"]) == {"no verdict"}
     assert table["low"].isna().all()
-    assert perception_bits(table).iloc[0]["verdict"] == "no verdict"
+    assert bits_needed(table).iloc[0]["verdict"] == "no verdict"
 
 
 def test_a_scene_that_could_not_be_coded_leaves_no_verdict_on_the_others() -> None:
