@@ -98,7 +98,7 @@ def gridded(
     """
     points = np.clip(np.asarray(xyz, dtype=np.float64), -_FARTHEST_M, _FARTHEST_M)
     scaled = (points[:, :2] - middle + shape.half_m) / shape.cell_m
-    inside = ((scaled >= 0) & (scaled < shape.cells)).all(axis=1)
+    inside = np.all((scaled >= 0) & (scaled < shape.cells), axis=1)
     column, row = np.clip(np.floor(scaled), 0, shape.cells - 1).astype(np.int64).T
     cell, z = row * shape.cells + column, points[:, 2]
 
@@ -114,7 +114,8 @@ def gridded(
     columns = np.concatenate([occupied, channels]).reshape(-1, shape.cells, shape.cells)
 
     if rows is not None:
-        points, scaled, inside, cell, z = (each[rows] for each in (points, scaled, inside, cell, z))
+        points, scaled, cell, z = points[rows], scaled[rows], cell[rows], z[rows]
+        inside = inside[rows]
     features = np.zeros((len(points), shape.bins + OFFSETS), np.float32)
     features[:, 0] = z / _SCALE_M
     for number, level_m in enumerate((near, lowest, highest), start=1):
@@ -141,4 +142,5 @@ def lowest_near(lowest: NDArray[np.float64], window: int) -> NDArray[np.float64]
 def _in_bins(z: NDArray[np.float64], shape: GridShape) -> Singles:
     """Return how near a height is to the middle of each bin, from 0 to 1, (n, bins)."""
     middle = np.clip((z - shape.bottom_m) / shape.bin_m - 0.5, 0, shape.bins - 1)
-    return np.maximum(0, 1 - np.abs(middle[:, None] - np.arange(shape.bins))).astype(np.float32)
+    near = np.maximum(0, 1 - np.abs(middle[:, None] - np.arange(shape.bins)))
+    return np.asarray(near, np.float32)

@@ -27,7 +27,7 @@ def ious(matrix: NDArray[np.int64]) -> NDArray[np.float64]:
     """
     both, there = np.diag(matrix), matrix.sum(axis=1)
     union = there + matrix.sum(axis=0) - both
-    return np.divide(both, union, out=np.full(len(both), np.nan), where=there > 0)
+    return np.asarray(np.divide(both, union, out=np.full(len(both), np.nan), where=there > 0))
 
 
 def mean_iou(matrix: NDArray[np.int64]) -> float:

