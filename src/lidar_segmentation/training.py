@@ -246,4 +246,4 @@ def class_weights(scans: Sequence[LabelledScan], classes: int) -> Singles:
         (np.bincount(scan.classes, minlength=256)[:classes] for scan in scans), np.zeros(1)
     )
     weights = np.divide(1, np.sqrt(counts), out=np.zeros(classes), where=counts > 0)
-    return (weights * counts.sum() / (weights * counts).sum()).astype(np.float32)
+    return np.asarray(weights * counts.sum() / (weights * counts).sum(), np.float32)
