@@ -21,6 +21,7 @@ CUDA = ("cuda-", "nvidia-", "triton==")
 COMPILE = "uv pip compile --quiet --universal --python-version 3.11 --fork-strategy fewest"
 PLAIN = "--no-emit-index-url --no-header --no-annotate"
 CONDA = ["python=3.11", "pip", "libegl", "libgl", "libidn2", "libusb", "xorg-libx11"]
+WITH_TORCH = {"lidar_segmentation", "pcc_networks"}
 
 Pins = list[str]  # such as "colorama==0.4.6 ; sys_platform == 'win32'"
 
@@ -33,12 +34,12 @@ def read_pins(path: Path) -> Pins:
 def requirements(*extras: str) -> list[str]:
     """Return what the packages need with these extras and groups, each other left out.
 
-    `pcc_networks`, which alone needs PyTorch, counts only with the extra "learned".
+    What needs PyTorch (`WITH_TORCH`) counts only with the extra "learned".
     """
     text = {path.parent.name: path.read_text() for path in ROOT.glob("src/*/pyproject.toml")}
     groups = tomllib.loads((ROOT / "pyproject.toml").read_text())["dependency-groups"]
     result = [line for extra in extras for line in groups.get(extra, [])]
-    for name in text.keys() - (set() if "learned" in extras else {"pcc_networks"}):
+    for name in text.keys() - (set() if "learned" in extras else WITH_TORCH):
         package = tomllib.loads(text[name])
         result += package["build-system"]["requires"] + package["project"]["dependencies"]
         optional = package["project"].get("optional-dependencies", {})

@@ -76,6 +76,16 @@ def read_npy(path: Path) -> Columns:
     return columns
 
 
+def read_array(path: Path) -> NDArray[Any]:
+    """Read one NumPy array (.npy) of any shape, without unpickling.
+
+    Raises InputError if the file is damaged, larger than its limit, or has Python objects.
+    """
+    data = read_content(path)
+    with naming(path):
+        return _read_array(data)
+
+
 def _read_array(data: bytes) -> NDArray[Any]:
     stream = io.BytesIO(data)
     # NumPy warns of headers that Python 2 wrote.

@@ -114,6 +114,14 @@ CONFIG: dict[str, Any] = {
             },
         }
     },
+    "train_segmentation": {
+        "small": {
+            "datasets": ["spin"],
+            "validate": ["spin"],
+            "steps": 1,
+            "options": {"labels": "rooms", "cells": 64, "crop_cells": 32, "channels": [4, 4, 4, 4]},
+        }
+    },
     "sensor_study": {
         "models": {"vlp16": {}},
         "captures": {"box": {"path": "box.pcap"}},
@@ -177,6 +185,8 @@ def _of_codecs(flow: Workflow) -> Iterator[tuple[str, PlannedStep]]:
         yield f"scan_error {dataset}", flow.step("scan_error", dataset=dataset, cloud=cloud)
     for name in plan.trainings:
         yield f"train {name}", flow.step("weights", trained=name)
+    for name in plan.segmentations:
+        yield f"segmentation {name}", flow.step("segmentation_weights", network=name)
 
 
 def _of_drives(flow: Workflow) -> Iterator[tuple[str, PlannedStep]]:

@@ -18,7 +18,7 @@ def run_in_process(config: dict[str, Any]) -> tuple[pd.DataFrame, pd.DataFrame]:
     bench = Workflow(config)
     rows: list[Path] = []
     for dataset, cloud in bench.plan.clouds:
-        _prepare(bench, dataset, cloud)
+        prepared(bench, dataset, cloud)
         rows += [
             _coded(bench, dataset, cloud, codec)
             for codec in bench.plan.codecs
@@ -31,7 +31,8 @@ def run_in_process(config: dict[str, Any]) -> tuple[pd.DataFrame, pd.DataFrame]:
     return table_entry("metrics").make(rows), table_entry("clouds").make(about)
 
 
-def _prepare(flow: Workflow, dataset: str, cloud: str) -> None:
+def prepared(flow: Workflow, dataset: str, cloud: str) -> Path:
+    """The file of a prepared cloud, which is made."""
     files, results, data = flow.files, flow.plan.results, flow.plan.datasets[dataset]
     scene = Path(files.scene(dataset, cloud))
     source = Path(files.source(dataset, cloud))
@@ -48,6 +49,7 @@ def _prepare(flow: Workflow, dataset: str, cloud: str) -> None:
     if data.has_returns:
         rule, made["returns"] = "prepare_returns", target.with_suffix(".parquet")
     _do(flow.step(rule, **names), source=source, about=scene.with_suffix(".json"), **made)
+    return target
 
 
 def _coded(flow: Workflow, dataset: str, cloud: str, codec: str) -> Path:

@@ -154,6 +154,7 @@ wildcard_constraints:
     dataset=one_of(plan.datasets),
     codec=one_of(plan.codecs),
     trained=one_of(plan.trainings),
+    network=one_of(plan.segmentations),
     model=one_of(plan.study.models if plan.study else ()),
     capture=one_of(plan.study.captures if plan.study else ()),
     cloud=r"[A-Za-z0-9_.-]+",

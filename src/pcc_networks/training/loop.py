@@ -9,7 +9,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, ClassVar, Generic, TypeVar
+from typing import Any, ClassVar, Generic, Protocol, TypeVar
 
 import numpy as np
 import torch
@@ -17,7 +17,6 @@ from numpy.typing import NDArray
 from torch import Tensor, nn
 
 from pcc_networks.sparse.voxels import Keys, morton_keys, morton_voxels
-from pcc_networks.training.settings import BaseTraining
 from pcc_networks.weights_file import DeviceName, placed, read_checkpoint
 from pointkit.errors import InputError
 from pointkit.files import write_bytes
@@ -148,6 +147,29 @@ M = TypeVar("M", bound=nn.Module)
 L = TypeVar("L")
 
 
+class TrainingSettings(Protocol):
+    """What a trainer needs of the settings of a training, such as `BaseTraining`."""
+
+    @property
+    def steps(self) -> int:
+        """Number of steps of the optimiser."""
+
+    @property
+    def learning_rate(self) -> float:
+        """Learning rate at the start of the cosine schedule."""
+
+    @property
+    def final_learning_rate(self) -> float:
+        """Learning rate at its end."""
+
+    @property
+    def seed(self) -> int:
+        """Seed of the noise."""
+
+    def model_dump(self) -> dict[str, Any]:
+        """Return all settings, which a checkpoint must share."""
+
+
 class OtherTrainingError(InputError):
     """Raised if a checkpoint belongs to a training with other settings, data or network."""
 
@@ -181,7 +203,7 @@ class BaseTrainer(ABC, Generic[M, L]):
     """Norm to which gradients are clipped."""
 
     def __init__(
-        self, model: M, training: BaseTraining, groups: Sequence[Mapping[str, Any]] = ()
+        self, model: M, training: TrainingSettings, groups: Sequence[Mapping[str, Any]] = ()
     ) -> None:
         self.model = model
         self.training = training
@@ -193,13 +215,13 @@ class BaseTrainer(ABC, Generic[M, L]):
         self.noise = torch.Generator().manual_seed(training.seed)
 
     @abstractmethod
-    def step(self, clouds: Sequence[Keys]) -> L:
+    def step(self, batch: Any) -> L:
         """Do one step of the optimiser on a batch, and return the loss.
 
         Parameters
         ----------
-        clouds
-            Morton keys (n,) of the voxels of each example.
+        batch
+            Examples, for codecs the Morton keys (n,) of the voxels of each.
         """
 
     @abstractmethod
@@ -298,7 +320,7 @@ def _ignore(_step: int, _loss: object) -> None:
 
 def train(
     trainer: BaseTrainer[M, L],
-    clouds: Callable[[int], Sequence[Keys]],
+    batches: Callable[[int], Any],
     checkpoint: Path,
     every: int = 500,
     report: Callable[[int, L], None] = _ignore,
@@ -310,10 +332,10 @@ def train(
     trainer
         The model with its optimiser, opened by the method `trainer` of the settings. If the file
         `checkpoint` exists, the training continues from it.
-    clouds
-        Function that returns the batch of a step: Morton keys (n,) of the voxels of each example.
-        The batch must depend only on the number of the step, so that a resumed training equals an
-        uninterrupted one.
+    batches
+        Function that returns the batch of a step, as the trainer's `step` takes it. The batch must
+        depend only on the number of the step, so that a resumed training equals an uninterrupted
+        one.
     checkpoint
         File that is written every `every` steps and at the end.
     every
@@ -330,7 +352,7 @@ def train(
     if checkpoint.exists():
         trainer.resume(checkpoint)
     while trainer.done < trainer.training.steps:
-        loss = trainer.step(clouds(trainer.done))
+        loss = trainer.step(batches(trainer.done))
         report(trainer.done, loss)
         if trainer.done % every == 0 or trainer.done == trainer.training.steps:
             trainer.save(checkpoint)

@@ -130,6 +130,8 @@ class Codec(ABC):
     Options: type[Model] = Model
     """Pydantic model of the codec's options; by default, there are none."""
     options: Any
+    along_rays: bool = False
+    """Whether points move along their rays, and not to a grid, if returns are coded with loss."""
     magic: bytes = b""
     """First bytes of the codec's streams, by which `codec_of` recognises them."""
 

@@ -47,6 +47,7 @@ class GpccPredictive(SensorCodec):
         **_coarse(2, 11),
         **lengths(2, 1),
     }
+    along_rays = True
     Options = TreeOptions
     options: TreeOptions
 

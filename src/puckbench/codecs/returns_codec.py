@@ -19,6 +19,7 @@ class ReturnsCodec(Codec):
     of the decoded returns, unless `estimates` is true.
     """
 
+    along_rays = True
     estimates = False
     """Whether decoded points are estimates of the surface, and not the points of the decoded
     returns."""

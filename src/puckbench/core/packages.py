@@ -9,8 +9,8 @@ from pathlib import Path
 from pointkit.registry import plugin_packages
 
 ENGINES = (
-    *("cloud_files", "gpcc", "pcc_networks", "pointkit", "primitive_codec", "puck"),
-    "virtual_lidar",
+    *("cloud_files", "gpcc", "lidar_segmentation", "pcc_networks", "pointkit"),
+    *("primitive_codec", "puck", "virtual_lidar"),
 )
 """Packages of this repository that puckbench builds on."""
 

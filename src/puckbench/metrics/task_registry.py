@@ -10,12 +10,13 @@ Each key becomes a column of the results and should end in the unit; ``columns=`
 that of a metric does (`puckbench.metrics.metric_registry`). Decoded turns have ``returns``
 if the codec keeps the order and times of firings. A value of type bytes is no column, but the
 content of a file with the key as its name, such as ``way.tum``. Further parameters are options.
-With ``needs=("package",)``, runs without the package omit the task.
+With ``needs=("package",)``, runs without the package omit the task. ``measures=`` tells by which
+columns the task is judged (`puckbench.metrics.task_measures`).
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from importlib.util import find_spec
 from inspect import signature
@@ -24,6 +25,7 @@ from typing import Any
 from pointkit.errors import InputError
 from pointkit.geometry.cloud import PointCloud
 from pointkit.registry import Registry
+from puckbench.metrics.task_measures import TaskMeasure
 from puckbench.recordings.drives import Drive
 from puckbench.results.columns import TASK, Columns, declare, declared_by
 
@@ -43,11 +45,14 @@ class Task:
         drive, its decoded turns, and options.
     needs
         Names of Python modules that the task requires.
+    measures
+        By what the task is judged after coding.
     """
 
     name: str
     measure: Measure
     needs: tuple[str, ...] = ()
+    measures: tuple[TaskMeasure, ...] = ()
 
     @property
     def missing(self) -> tuple[str, ...]:
@@ -55,9 +60,15 @@ class Task:
         return tuple(name for name in self.needs if find_spec(name) is None)
 
 
-def _registered(name: str, measure: Measure, columns: Columns = (), **more: Any) -> Task:
+def _registered(
+    name: str,
+    measure: Measure,
+    columns: Columns = (),
+    measures: Iterable[TaskMeasure] = (),
+    **more: Any,
+) -> Task:
     declare(columns, TASK)
-    return Task(name, measure, **more)
+    return Task(name, measure, measures=tuple(measures), **more)
 
 
 TASKS: Registry[Task] = Registry("task", "tasks", make=_registered)

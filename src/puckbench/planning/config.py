@@ -11,7 +11,14 @@ from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import Annotated, Any, Literal, Self
 
-from pydantic import AfterValidator, Field, StringConstraints, field_validator, model_validator
+from pydantic import (
+    AfterValidator,
+    Field,
+    PositiveFloat,
+    StringConstraints,
+    field_validator,
+    model_validator,
+)
 
 from pointkit.errors import InputError, among, naming
 from pointkit.files import read_json
@@ -128,6 +135,11 @@ class DataSetConfig(Sensing, SamplingSettings, PreparationSettings, MeasuringSet
         True,
         description="Compare the geometric primitives of codecs that code surfaces with the labels "
         "of the scenes, if there are labels.",
+    )
+    metrics: dict[str, Options] = Field(
+        {},
+        description="Further metrics of this data set alone, with their options, besides those of "
+        "the key `metrics`: names (`segmentation: {network: streets}`), or your own functions.",
     )
     stand_in: Options = Field(
         {}, description="Values of keys that replace this data set's with `stand_in: true`."
@@ -253,6 +265,32 @@ class TrainingConfig(ValidationSettings):
         None, description="Seed of weights, cubes and noise; by default the run's."
     )
     options: Options = Field({}, description="Further settings of the codec's training.")
+
+
+class SegmentationTrainingConfig(Model):
+    """A training of a network of segmentation (`snakemake train`)."""
+
+    datasets: tuple[str, ...] = Field(
+        min_length=1,
+        description="Data sets of the training, with labels: scans in metres (`size: metric`) of "
+        "generated scenes.",
+    )
+    validate_: tuple[str, ...] = Field(
+        (),
+        alias="validate",
+        description="Data sets with labels on which the network is measured; the results are in "
+        "the model card.",
+    )
+    steps: int | None = Field(None, ge=1, description="Number of steps; by default 2000.")
+    seed: Seed | None = Field(
+        None, description="Seed of weights and examples; by default the run's."
+    )
+    seeds: Annotated[tuple[Seed, ...], Field(min_length=1), Distinct] | None = Field(
+        None, description="Several such seeds, each for a network, named `NAME-SEED`."
+    )
+    options: Options = Field(
+        {}, description="Further settings, those of `lidar_segmentation.SegmentationTraining`."
+    )
 
 
 class ErrorModelConfig(Model):
@@ -453,6 +491,11 @@ class Config(Model):
         description="Trainings of learned codecs by the name of the weights, for `snakemake "
         "train`.",
     )
+    train_segmentation: dict[Name, SegmentationTrainingConfig] = Field(
+        {},
+        description="Trainings of networks of segmentation by the name of the weights, for "
+        "`snakemake train`.",
+    )
     sensor_study: StudyConfig | Literal[False] | None = Field(
         None,
         description="The sensor's errors measured on a wall and a floor: figures 5.1-5.21 and "
@@ -473,6 +516,12 @@ class Config(Model):
         OdometryMarginsConfig(),
         description="Largest differences of odometry on drives that count as none: fix them before "
         "you see results.",
+    )
+    task_margins: dict[str, PositiveFloat] = Field(
+        {},
+        description="Largest losses of tasks after coding that count as none, by measure and in "
+        "its unit, in place of those that the tasks declare (table `perception_bits`): fix them "
+        "before you see results.",
     )
     figures: FiguresConfig = Field(
         FiguresConfig(), description="Style of the figures, and the clouds that they show."
@@ -513,7 +562,8 @@ class Config(Model):
     def _plugins(self) -> Iterator[str | None]:
         for scene_set in self.scene_sets.values():
             yield from (source.loader for source in (scene_set, scene_set.stand_in) if source)
-        yield from (data.errors for data in self.datasets.values())
+        for data in self.datasets.values():
+            yield from (data.errors, *data.metrics)
         for drive in self.drives.values():
             yield from (drive.errors, *drive.tasks)
         for codec in filter(None, self.codecs.values()):

@@ -23,6 +23,7 @@ _NOUNS = {
     "scan_errors": "errors of scan",
     "drives": "drive",
     "weights": "training",
+    "segmentation": "training",
     "tables": "table",
     "figures": "figure",
 }

@@ -26,7 +26,9 @@ from puckbench.planning.config import (
     Config,
     DataSetConfig,
     DriveConfig,
+    Options,
     SceneSetConfig,
+    SegmentationTrainingConfig,
     Sensing,
     StudyConfig,
     TrainingConfig,
@@ -46,6 +48,7 @@ from puckbench.scene_sets.recordings import recording_files
 from puckbench.scene_sets.registry import open_scene_set
 from puckbench.steps.coding import TimingSettings
 from puckbench.steps.scan import SensorSettings
+from puckbench.steps.segmentation_weights import open_segmentation_training
 from puckbench.steps.sensing import SensingCode, code_of_scan
 from virtual_lidar import open_error_model, open_sweep
 from virtual_lidar.scenes.calibration import CALIBRATIONS
@@ -224,6 +227,23 @@ class TrainingPlan:
     settings: dict[str, Any]
 
 
+@dataclass(frozen=True)
+class SegmentationPlan:
+    """The training of a network of segmentation, and its validation.
+
+    Parameters
+    ----------
+    clouds, validate
+        Clouds of the training and of the validation, as pairs (data set, cloud).
+    settings
+        Settings of the training, with the seed.
+    """
+
+    clouds: tuple[tuple[str, str], ...]
+    validate: tuple[tuple[str, str], ...]
+    settings: dict[str, Any]
+
+
 class Plan:
     """What a run makes: the clouds, codecs, trainings and drives of a configuration.
 
@@ -264,10 +284,8 @@ class Plan:
         for name, value in config.train.items():
             if not self._lacks_start(name, value):
                 self.trainings[name] = self._training(name, value)
-        with naming("metrics"):
-            for name in config.metrics:
-                if name not in METRICS:  # importing puckbench's own metrics takes long
-                    METRICS.get(name)
+        self.segmentations = dict(self._segmentations())
+        self._check_metrics()
         self.drives = _runnable(config.drives)
         self.study = self._study(config.sensor_study) if config.sensor_study else None
         if not (self.datasets or self.study or self.drives or config.failed):
@@ -275,6 +293,30 @@ class Plan:
         if config.strict and check_scenes:
             for row in self._rates_left_out():
                 raise InputError(f"{row['file']}: {row['reason']}")
+
+    def _check_metrics(self) -> None:
+        with naming("metrics"):
+            for name in self.config.metrics:
+                if name not in METRICS:  # importing puckbench's own metrics takes long
+                    METRICS.get(name)
+        for dataset, data in self.config.datasets.items():
+            with naming(f"datasets.{dataset}.metrics"):
+                for name, options in data.metrics.items():
+                    METRICS.get(name).check(options)
+
+    def metrics_of(self, dataset: str) -> dict[str, Options]:
+        """Return the options of the further metrics of a data set's decoded clouds, by name.
+
+        Metrics that need a package that is not installed are left out.
+        """
+        of_all: dict[str, Options] = {name: {} for name in self.config.metrics}
+        metrics = of_all | dict(self.config.datasets[dataset].metrics)
+        return {name: options for name, options in metrics.items() if not METRICS.get(name).missing}
+
+    def files_of_metrics(self, dataset: str) -> list[Path]:
+        """Return the files, such as weights, that the further metrics of a data set read."""
+        metrics = self.metrics_of(dataset).items()
+        return [path for name, options in metrics for path in METRICS.get(name).files(**options)]
 
     def _datasets(self) -> dict[str, DataSetPlan]:
         datasets = {name: self._dataset(name, data) for name, data in self.config.datasets.items()}
@@ -566,6 +608,39 @@ class Plan:
         """Return the names of a codec's rates for clouds in a coordinate frame."""
         return tuple(rates_of(self.opened[codec], frame))
 
+    def _segmentations(self) -> Iterator[tuple[str, SegmentationPlan]]:
+        for name, value in self.config.train_segmentation.items():
+            for network, plan in self._networks(name, value):
+                if not self.has_failed("segmentation", network):
+                    yield network, plan
+
+    def _networks(
+        self, name: str, value: SegmentationTrainingConfig
+    ) -> Iterator[tuple[str, SegmentationPlan]]:
+        """Yield the names and plans of an entry's networks, one for each seed."""
+        where = f"train_segmentation.{name}"
+        seed = self.config.seed if value.seed is None else value.seed
+        steps = {} if value.steps is None else {"steps": value.steps}
+        for data in (*value.datasets, *value.validate_):
+            if data in self.config.datasets and not self.config.datasets[data].is_metric:
+                raise InputError(f"{where}: the data set {data} is not in metres (size: metric)")
+        clouds, validate = self._training_clouds(where, value)
+        for each in value.seeds or (seed,):
+            settings = {**value.options, "seed": each, **steps}
+            with naming(where):
+                open_segmentation_training(settings)
+            network = f"{name}-{each}" if value.seeds else name
+            yield network, SegmentationPlan(clouds, validate, settings)
+
+    def _training_clouds(
+        self, where: str, value: TrainingConfig | SegmentationTrainingConfig
+    ) -> list[tuple[tuple[str, str], ...]]:
+        """Return the clouds of a training, and those of its validation."""
+        return [
+            tuple(cloud for data in names for cloud in self._clouds(f"{where}.{key}", data))
+            for key, names in (("datasets", value.datasets), ("validate", value.validate_))
+        ]
+
     def _training(self, name: str, value: TrainingConfig) -> TrainingPlan:
         where = f"train.{name}"
         seed = self.config.seed if value.seed is None else value.seed
@@ -575,10 +650,7 @@ class Plan:
         with naming(where):
             open_training(value.codec, entry, settings)
             start = self._start(value.start)
-        clouds, validate = (
-            tuple(cloud for data in names for cloud in self._clouds(f"{where}.{key}", data))
-            for key, names in (("datasets", value.datasets), ("validate", value.validate_))
-        )
+        clouds, validate = self._training_clouds(where, value)
         return TrainingPlan(value.codec, entry, clouds, validate, start, settings)
 
     def _lacks_start(self, name: str, value: TrainingConfig) -> bool:

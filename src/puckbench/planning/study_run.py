@@ -13,7 +13,7 @@ from puckbench.report.reference_results import ReferenceResults
 Options = dict[str, Any]
 _NOT_KEPT = (
     *("results", "codecs", "stand_in", "strict", "sensor_study", "thesis"),
-    *("train", "container", "report"),
+    *("train", "train_segmentation", "container", "report"),
 )
 """Keys of the study's configuration that do not define clouds or metrics."""
 

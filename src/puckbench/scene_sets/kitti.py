@@ -53,7 +53,7 @@ _PUBLISHED = {
 }  # fmt: skip
 _COLUMNS = 4
 _RINGS = 64
-_TURNED = np.array([[0.0, 1, 0, 0], [-1, 0, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]])
+TURNED = np.array([[0.0, 1, 0, 0], [-1, 0, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]])
 """Rotation from axes x right, y forward to x forward, y left."""
 _STEP_DEG = 0.09
 """Resolution of the rotary encoder; firings are two encoder steps apart, sometimes one."""
@@ -87,10 +87,7 @@ class Kitti(FrameSet):
 
     def load(self, name: str) -> Scene:
         path = self.file_of(name)
-        data = read_bytes(path)
-        check_column_count(path, data, _COLUMNS)
-        points = float32_rows(data, _COLUMNS, path)[:, :3].astype(np.float64)
-        cloud = without_invalid(UncheckedCloud(points, about={"dropped_points": 0}), path)
+        cloud = without_invalid(self.read(path), path)
         if not (self.keep_missing or self.returns):
             cloud = without_missing(cloud, missing_returns(cloud.xyz), path)
         xyz, part = cloud.xyz, _part_of(name)
@@ -101,11 +98,18 @@ class Kitti(FrameSet):
             with naming(path):
                 recovered = _recovered(xyz)
             about |= {"sensor": recovered.returns.sensor, **recovered.about()}
-            pose = None if pose is None else pose @ _TURNED  # as in `_recovered`
+            pose = None if pose is None else pose @ TURNED  # as in `_recovered`
             returns = recovered.returns
             return Scene(name, part, returns=returns, about=about, pose=pose, time_s=time_s)
         scene, origin = replace(cloud.checked(), about=about), (0.0, 0.0, 0.0)
         return Scene(name, part, None, scene, None, origin, None, about, pose, time_s)
+
+    def read(self, path: Path) -> UncheckedCloud:
+        """Return all points of a frame's file, also those that stand for missing returns."""
+        data = read_bytes(path)
+        check_column_count(path, data, _COLUMNS)
+        points = float32_rows(data, _COLUMNS, path)[:, :3].astype(np.float64)
+        return UncheckedCloud(points, about={"dropped_points": 0})
 
     @cached_property
     def _motions(self) -> dict[Path, tuple[Floats | None, Floats | None]]:

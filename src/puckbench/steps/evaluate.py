@@ -1,6 +1,6 @@
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -16,7 +16,7 @@ from puckbench import __version__
 from puckbench.core.code import CODEC, MESH_FILES
 from puckbench.geometry.surfaces import read_truth
 from puckbench.metrics.cloud_metrics import attribute_metrics, geometry_metrics, picture_metrics
-from puckbench.metrics.metric_registry import METRICS, further_metrics
+from puckbench.metrics.metric_registry import METRICS, FurtherMetrics, Options
 from puckbench.metrics.sensor_metrics import decoded_range_errors, real_time_metrics
 from puckbench.results.columns import FRAME
 from puckbench.results.curves import read_curve, with_remarks
@@ -71,6 +71,7 @@ class Originals:
         from puckbench.metrics.truth import Truth
 
         self.name, self._cloud = cloud.stem, cloud
+        self._further: tuple[Mapping[str, Options], FurtherMetrics] | None = None
         self.reference = ReferenceCloud(read_cloud(cloud))
         self.truth = None
         if truth or visible or clean:
@@ -87,6 +88,19 @@ class Originals:
     def attributed(self) -> PointCloud:
         """The encoded cloud, with the sensor's returns if it has any."""
         return with_returns(self.reference.cloud, self._cloud)
+
+    def further(self, metrics: Mapping[str, Options]) -> FurtherMetrics:
+        """Return further metrics of decoded clouds.
+
+        Parameters
+        ----------
+        metrics
+            Options of each metric by name. What depends on the original alone is computed once, as
+            long as these stay the same.
+        """
+        if self._further is None or self._further[0] != metrics:
+            self._further = metrics, FurtherMetrics(metrics, self.attributed)
+        return self._further[1]
 
 
 class MeasuringSettings(Model):
@@ -121,11 +135,11 @@ class Measuring(MeasuringSettings):
     dataset
         Name of the data set, for the row of results.
     metrics
-        Names of further metrics, or places (``file.py:function``) of the user's own.
+        Options of further metrics, by name or place (``file.py:function``) of the metric.
     """
 
     dataset: str | None = None
-    metrics: tuple[str, ...] = ()
+    metrics: dict[str, dict[str, Any]] = Field({})
 
     def row(self, originals: Originals, decoded: Decoded) -> dict[str, Any]:
         """Return the row of results of one decoded cloud: values by name of the column."""
@@ -155,7 +169,7 @@ class Measuring(MeasuringSettings):
             **returns,
             **real_time_metrics(reference.about, record),
         }
-        result |= further_metrics(self.metrics, reference, points, result)
+        result |= originals.further(self.metrics).of(points, result)
         result["cloud"] = result.pop("name", originals.name)
         return result
 
@@ -174,18 +188,19 @@ class Evaluate(Measuring, TimedStep):
             entry=plan.coding_entry(dataset, codec, plan.curve_rates(dataset, cloud, codec)),
             peak=settings.peak,
             views=settings.views,
-            metrics=plan.config.metrics,
+            metrics=plan.metrics_of(dataset),
             **plan.timing,
         )
         truth = files.truth(dataset, cloud)
         inputs = {**files.cloud(dataset, cloud), **files.described(truth)}
+        further_mb = sum(METRICS.get(name).memory_mb for name in step.metrics)
         return planned_codec_step(
             flow,
             step,
             {**inputs, "curve": files.curve(dataset, cloud, codec)},
             *map(METRICS.module_of, step.metrics),
-            also=" ".join(truth),
-            memory_mb=flow.costs.memory_mb(codec) + flow.costs.views_mb,
+            also=" ".join((*truth, plan.digest_of(plan.files_of_metrics(dataset)))).strip(),
+            memory_mb=flow.costs.memory_mb(codec) + flow.costs.views_mb + further_mb,
         )
 
     def plugins(self) -> Iterable[str | None]:

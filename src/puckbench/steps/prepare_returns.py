@@ -4,11 +4,16 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
+import numpy as np
+from numpy.typing import NDArray
+
 from cloud_files.clouds import write_cloud
 from pointkit.column_tables import is_table_of
 from pointkit.errors import InputError, naming
+from pointkit.files import read_object
 from pointkit.geometry.cloud import PointCloud
 from pointkit.lidar.returns import Returns, read_firings, write_firings
+from puckbench.geometry.labels import OF_SCENE, SceneClasses, described_classes, scene_classes
 from puckbench.scene_sets.selected_turns import select_turns
 from puckbench.steps.prepare import NormalSettings, names_and_groups
 from puckbench.steps.step import STEPS, PlannedStep, Step, planned
@@ -18,7 +23,7 @@ if TYPE_CHECKING:
     from puckbench.planning.workflow import Workflow
 
 CODE = (
-    *("puckbench.steps.prepare", "puckbench.metrics.sensor_metrics"),
+    *("puckbench.steps.prepare", "puckbench.metrics.sensor_metrics", "puckbench.geometry.labels"),
     "puckbench.scene_sets.selected_turns",
     *("virtual_lidar.scan_returns", "virtual_lidar.sweep", "virtual_lidar.trajectory"),
 )
@@ -59,14 +64,15 @@ class PrepareReturns(NormalSettings, Step):
         source
             Parquet table of a virtual scan (of whole turns), or of the firings of a recording.
         about
-            Description of the scene (JSON), from which its name and group are copied.
+            Description of the scene (JSON), from which its name and group are copied. The semantic
+            classes of its objects become the labels of the points.
         cloud, returns
             Files to write: the cloud, and the table of its firings (Parquet).
         truth
             File to which the true points are written. For a recording, these are the measured
             points.
         """
-        measured = read_measured_returns(source)
+        measured = read_measured_returns(source).with_classes(scene_classes(read_object(about)))
         return self.write(source, measured, names_and_groups(cloud, about), cloud, returns, truth)
 
     def write(
@@ -102,7 +108,8 @@ class PrepareReturns(NormalSettings, Step):
         model = {"error_model": self.error_model} if self.error_model else {}
         described = {**names, **measured.about, **model, **_timing(measured.returns)}
         described |= more or {}
-        prepared = prepare(PointCloud(points, about=described), 0, self.neighbours)
+        points_of_returns = PointCloud(points, labels=measured.labels, about=described)
+        prepared = prepare(points_of_returns, 0, self.neighbours)
         if "origin" in described:
             prepared.about["offset"] = described["origin"]
         write_firings(returns, measured.returns)
@@ -114,11 +121,24 @@ class PrepareReturns(NormalSettings, Step):
 
 
 class MeasuredReturns(NamedTuple):
-    """A sensor's returns, the true points if they are known, and a description of both."""
+    """A sensor's returns, the true points if they are known, and a description of both.
+
+    `objects` (n,) are the numbers of the scene's objects at the true points, and `labels` (n,)
+    their classes.
+    """
 
     returns: Returns
     true: PointCloud | None
     about: dict[str, Any]
+    objects: NDArray[np.int32] | None = None
+    labels: NDArray[np.int32] | None = None
+
+    def with_classes(self, classes: SceneClasses | None) -> MeasuredReturns:
+        """Return the same with the classes of the returns' objects, if they are known."""
+        if classes is None or self.objects is None:
+            return self
+        about = {**self.about, **described_classes(classes.names, OF_SCENE)}
+        return self._replace(about=about, labels=classes.of(self.objects))
 
 
 def read_measured_returns(
@@ -168,7 +188,7 @@ def _of_scan(path: Path, turns: tuple[int, int] | None, clean: bool) -> Measured
     if scan.still_at is not None:  # a moving sensor's frame rotates, the normals do not
         about["origin"] = scan.still_at.tolist()
         true = replace(true, normals=rows.normals, labels=rows.primitive_id)
-    return MeasuredReturns(selected, true, about)
+    return MeasuredReturns(selected, true, about, rows.object_id)
 
 
 def _timing(returns: Returns) -> dict[str, Any]:

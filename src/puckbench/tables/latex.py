@@ -23,7 +23,7 @@ _REPLACED = {
 }  # fmt: skip
 MOST_COLUMNS = 8
 """Largest number of columns, intervals not counted, that fit on a page."""
-_ENDS_OF_OTHERS = {"difference": ("low", "high")}
+_ENDS_OF_OTHERS = {"difference": ("low", "high"), "loss": ("low", "high")}
 """Columns whose interval is in columns with names of their own."""
 _COUNTS = ("scenes", "trajectories", "clouds")
 """Columns that count what values and intervals are over; of several, the first counts."""

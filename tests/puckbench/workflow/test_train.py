@@ -9,7 +9,7 @@ import yaml
 
 from pointkit.files import read_json
 from puckbench.results.row_files import read_rows
-from tests.support.bench import ROOT, Bench
+from tests.support.bench import CONFIG, ROOT, Bench
 
 SETTINGS = {"lmbdas": [1, 4], "channels": [4, 8, 8, 8], "batch_size": 1, "cube_size": 1024}
 TRAININGS: dict[str, Any] = {
@@ -94,3 +94,53 @@ def test_the_shipped_weights_are_planned(fresh: Bench) -> None:
     jobs = fresh.planned("train")
     assert jobs["weights"] == len(yaml.safe_load(config)["train"]) == 4
     assert "encode" not in jobs
+
+
+SEGMENTATION: dict[str, Any] = {
+    "datasets": ["turns"],
+    "validate": ["turns"],
+    "steps": 2,
+    "options": {
+        "labels": "rooms", "cells": 32, "crop_cells": 16, "bins": 4, "channels": [4, 4, 4, 4],
+        "hidden": 8, "points": 100,
+    },
+}  # fmt: skip
+TURNS = {
+    "scene_set": "rooms",
+    "make": "scan",
+    "size": "metric",
+    "sweep": {"preset": "spin", "azimuth_step_deg": 4.0},
+}
+
+
+def test_a_network_of_segmentation_is_trained_from_scenes(fresh: Bench) -> None:
+    entry = {**SEGMENTATION, "seeds": [3]}
+    others = {"figures": {}, "sensor_study": None}
+    datasets = {"turns": TURNS}
+    fresh.configure({**others, "datasets": datasets, "train_segmentation": {"rooms": entry}})
+    fresh.made("train")
+    folder = fresh.results / "segmentation"
+    card = read_json(folder / "rooms-3.json")
+    assert (card["seed"], card["data"]) == (3, {"turns": ["copy_room_1"]})
+    assert 0 <= card["validation"]["turns"]["miou"] <= 1
+    assert fresh.planned("train") == {}
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"datasets": ["nowhere"]}, "train_segmentation.rooms.datasets: no data set 'nowhere'"),
+        ({"datasets": ["objects"]}, "train_segmentation.rooms: the data set objects is not in met"),
+        ({"options": {"labels": "roms"}}, "train_segmentation.rooms: unknown label set 'roms'"),
+        ({"options": {"bins": 0}}, "train_segmentation.rooms: training: bins is 0, but must be"),
+    ],
+)
+def test_a_training_of_segmentation_that_cannot_be_ends_in_one_line(
+    fresh: Bench, changes: dict[str, Any], message: str
+) -> None:
+    entry = {**SEGMENTATION, **changes}
+    datasets = {**CONFIG["datasets"], "turns": TURNS}
+    fresh.configure({"datasets": datasets, "train_segmentation": {"rooms": entry}})
+    done = fresh.snakemake("--dry-run", "train")
+    assert done.returncode == 2
+    assert message in done.stderr

@@ -1,5 +1,6 @@
 """Every script in benchmarks/ starts and ends well on tiny input."""
 
+import json
 import subprocess
 import sys
 from pathlib import Path
@@ -11,6 +12,7 @@ from tests.support.spinning import VLP16, pcap, spin
 ROOT = Path(__file__).parents[3]
 STARTED: dict[str, tuple[str, ...]] = {
     "checks.calibration_recovery": ("--repetitions", "1", "--hidden", "device", "--step-deg", "6"),
+    "checks.error_models": ("{trainings}",),
     "checks.fuzz": ("--streams", "2", "--codecs", "draco", "--only", "codecs"),
     "checks.gpcc_angular_crosscheck": ("{tmc3}", "--turns", "two points", "--modes", "slices"),
     "checks.gpcc_attribute_vectors": ("{tmc3}", "{folder}", "--only", "nearest"),
@@ -76,6 +78,10 @@ def files(tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]:
         "tmc3": f'#!/bin/sh\nexec {sys.executable} -m tests.support.tmc3_stand_in "$@"\n',
         "pc_error": PC_ERROR,
     }
+    (folder / "trainings" / "segmentation").mkdir(parents=True)
+    for name in ("none-1", "none-2", "vlp16-1", "vlp16-2"):
+        card = {"validation": {"real": {"miou": 0.25}}}
+        (folder / "trainings" / "segmentation" / f"{name}.json").write_text(json.dumps(card))
     for name, text in programs.items():
         (folder / name).write_text(text)
         (folder / name).chmod(0o755)
@@ -86,6 +92,7 @@ def files(tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]:
         "pc_error": str(folder / "pc_error"),
         "capture": str(folder / "turn.pcap"),
         "folder": str(folder / "empty"),
+        "trainings": str(folder / "trainings"),
         "small": str(ROOT / "benchmarks" / "small.yaml"),
         "cloud": "results/clouds/objects/chair_01.ply",
     }

@@ -17,7 +17,10 @@ PROJECTS = {
     path.parent.name: tomllib.loads(path.read_text())
     for path in sorted(SOURCE.glob("*/pyproject.toml"))
 }
-LIGHT = ("cloud_files", "gpcc", "pcc_networks", "pointkit", "primitive_codec", "puck", "puckbench")
+LIGHT = (
+    *("cloud_files", "gpcc", "lidar_segmentation", "pcc_networks", "pointkit", "primitive_codec"),
+    *("puck", "puckbench"),
+)
 """Packages that import nothing heavy before a name of theirs is used."""
 HEAVY = {"numba", "scipy", "torch", "open3d", "pandas", "matplotlib"}
 NOT_IMPORTED = {

@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
-from pointkit.errors import InputError, among
+from pointkit.errors import InputError, among, naming
 from puckbench.codecs.base import Codec
 from puckbench.codecs.rates import rates_of
 from puckbench.geometry.attributes import RETURNS
+from puckbench.metrics.metric_registry import METRICS, Metric
+from puckbench.metrics.segmentation import PREFIXES
+from puckbench.metrics.task_measures import with_margins
+from puckbench.metrics.task_registry import TASKS, Task
 from puckbench.planning.needs.registry import NEEDS, Options
 from puckbench.planning.plan import DataSetPlan, Plan
 from puckbench.tables.against_octree import OCTREE
@@ -34,6 +38,34 @@ def odometry_on_drives(plan: Plan) -> Options | None:
         return None
     margins = plan.config.odometry_margins.model_dump(exclude_defaults=True)
     return {"margins": margins} if margins else {}
+
+
+@NEEDS.register("perception")
+def tasks_with_margins(plan: Plan) -> Options | None:
+    """Require a metric or a drive's task that declares by what it is judged.
+
+    Tables get these measures, with the configured margins, and the names of codecs whose errors are
+    along the sensor's rays.
+    """
+    tasks: dict[str, Metric | Task] = {}
+    for dataset in {data.name: data for data in plan.coded}:
+        tasks |= {name: METRICS.get(name) for name in plan.metrics_of(dataset)}
+    for drive in plan.drives.values():
+        tasks |= {name: TASKS.get(name) for name in drive.tasks}
+    measures = [each for task in tasks.values() for each in task.measures]
+    if not measures:
+        return None
+    with naming("task_margins"):
+        judged = with_margins(measures, plan.config.task_margins)
+    along_rays = [name for name, codec in plan.opened.items() if codec.along_rays]
+    described = [each.model_dump(mode="json") for each in judged]
+    return {"measures": described, "along_rays": along_rays}
+
+
+@NEEDS.register("segmentation")
+def segmentation_metrics(plan: Plan) -> Options | None:
+    """Require that a coded data set is segmented."""
+    return _if(any({*PREFIXES} & plan.metrics_of(data.name).keys() for data in plan.coded))
 
 
 @NEEDS.register("attributes")

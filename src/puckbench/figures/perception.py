@@ -1,0 +1,130 @@
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from puckbench.figures.axis_labels import BETTER
+from puckbench.figures.checks import require_rows
+from puckbench.figures.panels import (
+    add_fitting_legend,
+    fitted_limits,
+    line_handle,
+    set_log,
+    set_title,
+)
+from puckbench.figures.registry import FIGURES
+from puckbench.figures.style import COLUMN_WIDTH_IN, PAGE_WIDTH_IN, FigureStyle
+from puckbench.metrics.statistics import MIN_SCENES
+from puckbench.tables.registry import PERCEPTION
+
+if TYPE_CHECKING:
+    import pandas as pd
+    from matplotlib.artist import Artist
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+CODE = ("puckbench.tables.perception_losses",)
+
+_PANEL_IN, _AROUND_IN = 1.6, 0.8
+_COLUMNS = ("dataset", "task", "codec", "bits", "loss", "margin", "along_rays")
+_MARGIN_COLOUR = "#dcdcdc"
+_LINES = {True: "-", False: (0, (1, 1.5))}
+"""Lines of codecs of returns (True) and of points."""
+_WORDS = {True: "returns", False: "points"}
+
+
+@FIGURES.register("perception", title="Tasks after decoding", category="Tasks", needs=(PERCEPTION,))
+def draw_perception(perception_losses: pd.DataFrame, style: FigureStyle) -> Figure:
+    """Loss of each task by coding, against bits per point or return: a row of panels for each task,
+    a column for each data set. Positive losses are worse results than without coding. The axis is
+    linear below the margin, and logarithmic above.
+
+    Solid lines and filled markers are codecs of returns, which move points along the sensor's rays;
+    dotted lines and open markers are codecs of points. Markers are means over n scenes. Bars are
+    95 % intervals (Student's t) for six or more scenes; with fewer, dots are the least and the
+    greatest loss of a scene. A task is as good as without coding if the whole bar is below the
+    margin (grey).
+    """
+    from matplotlib.figure import Figure
+
+    require_rows(perception_losses, _COLUMNS, "perception_losses")
+    rows = perception_losses
+    names, tasks = style.ordered_datasets(rows["dataset"]), list(dict.fromkeys(rows["task"]))
+    width = style.width_in or (PAGE_WIDTH_IN if len(names) > 1 else COLUMN_WIDTH_IN)
+    figure = Figure(figsize=(width, _PANEL_IN * len(tasks) + _AROUND_IN))
+    grid = figure.subplots(len(tasks), len(names), sharex="all", sharey="row", squeeze=False)
+    limits = fitted_limits(rows["bits"].to_numpy(float), (0.1, 30.0))
+    for line, task in zip(grid, tasks, strict=True):
+        of_task = rows[rows["task"] == task]
+        _set_losses(line[0], of_task)
+        first = True
+        for axes, name in zip(line, names, strict=True):
+            panel = of_task[of_task["dataset"] == name]
+            set_log(axes, "x", limits, minor=False)
+            if panel.empty:
+                axes.set_axis_off()
+                continue
+            _draw_panel(axes, panel, style)
+            title = f"{style.title(name)} (n = {panel['scenes'].max()})"
+            set_title(axes, title, len(names), style)
+            if first:
+                axes.set_ylabel(f"{panel['task_title'].iloc[0]}:\nloss ({panel['unit'].iloc[0]})")
+                axes.tick_params(labelleft=True)
+                first = False
+    figure.supxlabel(f"Bits per point or return, {BETTER}", fontsize=style.font_size)
+    add_fitting_legend(figure, _handles(rows, style), style)
+    return figure
+
+
+def _set_losses(axes: Axes, rows: pd.DataFrame) -> None:
+    from matplotlib.ticker import NullLocator, StrMethodFormatter, SymmetricalLogLocator
+
+    linear = float(rows["margin"].min())
+    ends = rows[["low", "high", "least", "most", "loss"]].to_numpy(float)
+    axes.set_yscale("symlog", linthresh=linear)
+    low, high = min(np.nanmin(ends), 0.0), max(np.nanmax(ends), linear)
+    axes.set_ylim(min(1.3 * low, -0.5 * linear), 1.6 * high)
+    axes.yaxis.set_major_locator(SymmetricalLogLocator(linthresh=linear, base=10))
+    axes.yaxis.set_major_formatter(StrMethodFormatter("{x:g}"))
+    axes.yaxis.set_minor_locator(NullLocator())
+
+
+def _draw_panel(axes: Axes, rows: pd.DataFrame, style: FigureStyle) -> None:
+    axes.axhspan(0, rows["margin"].iloc[0], color=_MARGIN_COLOUR, linewidth=0, zorder=1)
+    for codec in style.ordered_codecs(rows["codec"]):
+        curve = rows[rows["codec"] == codec].sort_values("bits")
+        colour = style.of_codec(codec).colour
+        bits, loss = curve["bits"].to_numpy(float), curve["loss"].to_numpy(float)
+        if curve["scenes"].max() >= MIN_SCENES:
+            axes.vlines(bits, curve["low"], curve["high"], color=colour, linewidth=0.9, zorder=3)
+        else:
+            for column in ("least", "most"):
+                axes.plot(bits, curve[column], ".", markersize=2, color=colour, zorder=3)
+        axes.plot(bits, loss, zorder=4, **_line(codec, bool(curve["along_rays"].iloc[0]), style))
+
+
+def _line(codec: str, along_rays: bool, style: FigureStyle) -> dict[str, Any]:
+    look = style.of_codec(codec)
+    return {
+        "color": look.colour,
+        "marker": look.marker,
+        "markersize": 3.6,
+        "markerfacecolor": look.colour if along_rays else "white",
+        "linewidth": 0.9,
+        "linestyle": _LINES[along_rays],
+    }
+
+
+def _handles(rows: pd.DataFrame, style: FigureStyle) -> list[Artist]:
+    from matplotlib.patches import Patch
+
+    handles: list[Artist] = []
+    for codec in style.ordered_codecs(rows["codec"]):
+        along_rays = bool(rows[rows["codec"] == codec]["along_rays"].iloc[0])
+        label = f"{style.of_codec(codec).title} ({_WORDS[along_rays]})"
+        handles.append(line_handle(label, **_line(codec, along_rays, style)))
+    handles.append(Patch(color=_MARGIN_COLOUR, label="margin"))
+    if rows["low"].notna().any():
+        handles.append(line_handle("95 % interval", color="#555555", marker="|", linestyle=""))
+    return handles
