@@ -37,6 +37,9 @@ is grass as well as trees: so do Patchwork++'s authors."""
 _SECTORS, _NEAR_M, _LOWEST = 36, 20.0, 0.05
 """Sectors around the sensor, largest distance of their points, and the share of lowest points from
 which the height of the sensor is estimated."""
+_USUAL_HEIGHT_M = 1.723
+"""Height that Patchwork++ assumes, for clouds without a point near the sensor."""
+_LEAST_HEIGHT_M = 0.1
 _NO_LABELS = "the points have no classes"
 _SCALED = "the cloud is not in metres"
 
@@ -212,13 +215,13 @@ def sensor_height(points: Floats) -> float:
     """Estimate the height of a sensor at the origin above the ground, in m, from points (n, 3).
 
     In each of 36 sectors, the lowest 5 % of the points within 20 m are taken for ground. The result
-    is the median over the sectors, and at least 0.1 m.
+    is the median over the sectors, and at least 0.1 m; without such points, 1.723 m.
     """
     points = points[np.linalg.norm(points[:, :2], axis=1) <= _NEAR_M]
     angle = np.arctan2(points[:, 1], points[:, 0]) / (2 * np.pi) + 0.5
     sector = np.minimum((angle * _SECTORS).astype(int), _SECTORS - 1)
     lowest = [np.quantile(points[sector == each, 2], _LOWEST) for each in np.unique(sector)]
-    return max(-float(np.median(lowest)), 0.1) if lowest else 1.723
+    return max(-float(np.median(lowest)), _LEAST_HEIGHT_M) if lowest else _USUAL_HEIGHT_M
 
 
 def sensor_position(cloud: PointCloud) -> Floats:

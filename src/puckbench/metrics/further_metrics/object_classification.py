@@ -12,7 +12,7 @@ from pointkit.geometry.cloud import Floats, PointCloud
 from pointkit.seeding import generator, random_rows
 from puckbench.metrics.metric_registry import METRICS
 from puckbench.metrics.task_measures import TaskMeasure
-from puckbench.results.columns import HIGHER, OTHER, TASK, Column
+from puckbench.results.columns import HIGHER, RUN, TASK, Column
 
 CODE = ("puckbench.metrics.pointnet", "pcc_networks.weights_file")
 
@@ -32,7 +32,7 @@ def _columns() -> Iterator[Column]:
             yield Column(column, words + after, "%", HIGHER, TASK, missing=_NO_CLASS)
     words = "Objects that get the class that they get without coding"
     yield Column("class_agreement_percent", words, "%", HIGHER, TASK)
-    yield Column("class_found", "Class that the network finds", group=OTHER, bookkeeping=True)
+    yield Column("class_found", "Class that the network finds", group=RUN, bookkeeping=True)
 
 
 _MEASURES = [
