@@ -143,7 +143,7 @@ class GroundSegmentation:
         distance, nearest = KDTree(points).query(self._points, distance_upper_bound=self._reach_m)
         is_answered = np.isfinite(distance)
         answer = np.zeros(len(self._points), np.bool_)
-        answer[is_answered] = is_ground[nearest[is_answered]]
+        answer[is_answered] = is_ground[np.asarray(nearest)[is_answered]]
         return {
             **self._scores(answer, is_answered),
             "ground_unanswered_percent": 100 * float(np.mean(~is_answered)),
@@ -162,7 +162,7 @@ class GroundSegmentation:
             )
             scores["accuracy"] = float(np.mean(is_answered & (answer == is_ground)))
             if (union := np.count_nonzero(answer | is_ground)) > 0:
-                scores["iou"] = np.count_nonzero(answer & is_ground) / union
+                scores["iou"] = float(np.count_nonzero(answer & is_ground) / union)
         return {f"ground_{prefix}{name}_percent": 100 * value for name, value in scores.items()}
 
 

@@ -133,12 +133,10 @@ class ObjectClassification:
 
         rng = generator(0, "object_classification")
         turned = y_up(points, quarter_turns)
-        return np.mean(
-            [
-                self._network.probabilities(
-                    in_unit_sphere(turned[random_rows(len(points), self._points, rng)])
-                )
-                for _ in range(self._samples)
-            ],
-            axis=0,
-        )
+        samples = [
+            self._network.probabilities(
+                in_unit_sphere(turned[random_rows(len(points), self._points, rng)])
+            )
+            for _ in range(self._samples)
+        ]
+        return np.asarray(np.mean(samples, axis=0))

@@ -114,7 +114,8 @@ def global_registration(
     check_installed("evo")
     check_installed("kiss_matcher")
 
-    true, results = drive.poses_at(0.5), {}
+    true = drive.poses_at(0.5)
+    results: dict[str, Any] = {}
     for apart in _APART_M:
         errors = []
         for i, j in pairs_apart(true, apart, pairs):

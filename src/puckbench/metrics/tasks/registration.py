@@ -80,7 +80,8 @@ def registration(
     check_installed("evo")
     check_installed("small_gicp")
 
-    true, results = drive.poses_at(0.5), {}
+    true = drive.poses_at(0.5)
+    results: dict[str, Any] = {}
     settings = {"downsampling_resolution": voxel_m, "max_correspondence_distance": reach_m}
     for apart in _APART_M:
         chosen = pairs_apart(true, apart, pairs)
