@@ -102,7 +102,7 @@ def main() -> None:
     cuda = [pin for pin in learned if pin.startswith(CUDA)]
     torch = ["--constraint cuda.constraints", *(pin for pin in learned if pin not in cuda)]
     write_lines("requirements.lock", "What a run needs.", run)
-    about = "What odometry on drives needs on top of requirements.lock."
+    about = "What tasks of robots need on top of requirements.lock."
     write_lines("odometry.lock", about, odometry)
     about = "What the checks need on top of requirements.lock and odometry.lock."
     write_lines("test.lock", about, test)

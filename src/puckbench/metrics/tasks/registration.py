@@ -79,31 +79,82 @@ def registration(
     """
     check_installed("evo")
     check_installed("small_gicp")
-    from evo.core.filters import filter_pairs_by_path
 
-    true, results = drive.poses_at(0.5), {}
+    true = drive.poses_at(0.5)
+    results: dict[str, Any] = {}
     settings = {"downsampling_resolution": voxel_m, "max_correspondence_distance": reach_m}
     for apart in _APART_M:
-        every = filter_pairs_by_path(list(true), apart, apart * _TOLERANCE, all_pairs=True)
-        if not every:
+        chosen = pairs_apart(true, apart, pairs)
+        if not chosen:
             continue
-        places = np.linspace(0, len(every) - 1, min(pairs, len(every))).round().astype(int)
         errors = np.array(
             [
                 _errors(
                     decoded[i].xyz, decoded[j].xyz, np.linalg.inv(true[i]) @ true[j], **settings
                 )
-                for i, j in (every[k] for k in places)
+                for i, j in chosen
             ]
         )
-        good = (errors[:, 0] <= most_m) & (errors[:, 1] <= most_deg)
-        results[f"registration_{apart}m_percent"] = 100 * float(good.mean())
-        if good.any():
-            results[f"registration_{apart}m_error_m"] = float(np.median(errors[good, 0]))
+        results |= successes(f"registration_{apart}m", errors, most_m, most_deg)
     name = f"small_gicp {version('small_gicp')}"
     limits = {"registration_most_m": most_m, "registration_most_deg": most_deg}
     sizes = {"registration_voxel_m": voxel_m, "registration_reach_m": reach_m}
     return {**results, "registration": name, **sizes, **limits}
+
+
+def pairs_apart(poses: Floats, apart_m: float, most: int) -> list[tuple[int, int]]:
+    """Return pairs of poses that are a given length of the way apart, evenly over a drive.
+
+    Parameters
+    ----------
+    poses
+        Poses (n, 4, 4), translations in m.
+    apart_m
+        Length of the way between the poses of a pair, in m; it may deviate by 30 %.
+    most
+        Largest number of pairs.
+
+    Returns
+    -------
+    list
+        Numbers of the poses of each pair, the earlier one first; empty if the way is too short.
+    """
+    from evo.core.filters import filter_pairs_by_path
+
+    every = filter_pairs_by_path(list(poses), apart_m, apart_m * _TOLERANCE, all_pairs=True)
+    places = np.linspace(0, len(every) - 1, min(most, len(every))).round().astype(int)
+    return [(int(every[place][0]), int(every[place][1])) for place in places]
+
+
+def motion_errors(true: Floats, estimated: Floats) -> tuple[float, float]:
+    """Return by how much an estimated motion (4, 4) differs from the true one, in m and degrees."""
+    off = np.linalg.inv(true) @ estimated
+    cosine = np.clip((np.trace(off[:3, :3]) - 1) / 2, -1, 1)
+    return float(np.linalg.norm(off[:3, 3])), float(np.degrees(np.arccos(cosine)))
+
+
+def successes(name: str, errors: Floats, most_m: float, most_deg: float) -> dict[str, float]:
+    """Return the success rate of registrations, and the median error of those that succeeded.
+
+    Parameters
+    ----------
+    name
+        Beginning of the names of the results.
+    errors
+        Errors of the translation, in m, and of the rotation, in degrees, (n, 2).
+    most_m, most_deg
+        Largest errors of a success.
+
+    Returns
+    -------
+    dict
+        ``NAME_percent``, and ``NAME_error_m`` if a registration succeeded.
+    """
+    good = (errors[:, 0] <= most_m) & (errors[:, 1] <= most_deg)
+    results = {f"{name}_percent": 100 * float(good.mean())}
+    if good.any():
+        results[f"{name}_error_m"] = float(np.median(errors[good, 0]))
+    return results
 
 
 def _errors(
@@ -111,6 +162,4 @@ def _errors(
 ) -> tuple[float, float]:
     from small_gicp import align
 
-    off = np.linalg.inv(motion) @ align(first, second, **settings).T_target_source
-    cosine = np.clip((np.trace(off[:3, :3]) - 1) / 2, -1, 1)
-    return float(np.linalg.norm(off[:3, 3])), float(np.degrees(np.arccos(cosine)))
+    return motion_errors(motion, align(first, second, **settings).T_target_source)
