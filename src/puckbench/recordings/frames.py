@@ -253,4 +253,4 @@ def _rings_of_scan(table: ScanTable) -> NDArray[np.uint16]:
     if not len(elevations) > table["laser_id"].max(initial=0):
         return ranks(table["pitch"])
     order = np.argsort(np.argsort(elevations, kind="stable")).astype(np.uint16)
-    return order[table["laser_id"]]
+    return np.asarray(order[table["laser_id"]])
