@@ -9,7 +9,7 @@ from __future__ import annotations
 import zlib
 from collections.abc import Callable, Iterator
 from contextlib import closing, contextmanager
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import partial
 from itertools import chain, zip_longest
 from pathlib import Path
@@ -500,6 +500,12 @@ def _gaps_of(content: bytes, encode: Callable[[list[bytes]], bytes]) -> _Batch:
     return _Batch(records=[Record(RecordKind.GAPS, base_128(0) + encode([content]))])
 
 
+def _instead_of(batch: _Batch, other: _Batch) -> _Batch:
+    """Return a batch without models, which counts what the batch with models has."""
+    other.packets_by_lzma, other.clouds_by_lzma = batch.packets, batch.clouds
+    return other
+
+
 class _BatchEncoder:
     def __init__(self, options: CodingOptions) -> None:
         self._options, self._sorter, self._sensor = options, PacketSorter(), 0
@@ -527,9 +533,8 @@ class _BatchEncoder:
         self._sensor = sensor
         self._packets.clear()
         self._clouds = CloudsEncoder(self._options)
-        found = {"packets_by_lzma": batch.packets, "clouds_by_lzma": batch.clouds}
-        yield replace(plain or _gaps_of(content, encode_gaps), **found)
-        yield replace(_gaps_of(content, store_gaps), **found)
+        yield _instead_of(batch, plain or _gaps_of(content, encode_gaps))
+        yield _instead_of(batch, _gaps_of(content, store_gaps))
 
     def _batch(self, window: Window, report: Callable[[int], None]) -> _Batch:
         batch, (data, packets, clouds) = _Batch(), window
