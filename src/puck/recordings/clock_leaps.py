@@ -59,6 +59,22 @@ class Motion(NamedTuple):
     counts_turns: bool
 
 
+def packet_steps(payloads: NDArray[np.uint8], packet: np.dtype[Any]) -> Floats:
+    """Return the steps of the sensor's clock between packets, (p - 1,), in us.
+
+    Parameters
+    ----------
+    payloads
+        Packets of one sensor, (p, bytes).
+    packet
+        Structure of a packet: `PACKET` of a Velodyne, or that of an Ouster.
+    """
+    packets = payloads.view(packet)[:, 0]
+    if packet == PACKET:
+        return clock_steps(packets["time_us"].astype(np.float64), HOUR_US)
+    return np.diff(packet_times(packets)) / 1000
+
+
 def motion_of(payloads: NDArray[np.uint8], packet: np.dtype[Any], columns: int = 0) -> Motion:
     """Return the motion of a sensor from its packets.
 
@@ -71,13 +87,13 @@ def motion_of(payloads: NDArray[np.uint8], packet: np.dtype[Any], columns: int =
     columns
         Number of columns in a revolution of an Ouster.
     """
-    packets = payloads.view(packet)[:, 0]
+    packets, steps_us = payloads.view(packet)[:, 0], packet_steps(payloads, packet)
     if packet == PACKET:
         azimuths = packets["blocks"]["azimuth"][:, 0].astype(np.float64)
         rises = clock_steps(azimuths, CENTIDEGREES) / CENTIDEGREES
-        return Motion(clock_steps(packets["time_us"].astype(np.float64), HOUR_US), rises, False)
+        return Motion(steps_us, rises, False)
     numbers = revolutions(packets) * columns + packets["columns"]["column"][:, 0]
-    return Motion(np.diff(packet_times(packets)) / 1000, np.diff(numbers) / columns, True)
+    return Motion(steps_us, np.diff(numbers) / columns, True)
 
 
 def find_leaps(motion: Motion, received: Floats | None = None) -> NDArray[np.bool_]:

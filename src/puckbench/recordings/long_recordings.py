@@ -10,11 +10,12 @@ from pointkit.errors import InputError, naming
 from pointkit.lidar.returns import HOUR_US
 from pointkit.lidar.turns import elapsed
 from pointkit.lidar.unit_calibration import calibration_beside, calibration_in_packets
+from puck.recordings.clock_leaps import packet_steps
 from puck.recordings.data_packets import whole_packets
 from puck.recordings.ouster import sensor_of
 from puck.recordings.ouster_logs import ouster_log
 from puck.recordings.ouster_packets import OusterKind
-from puck.recordings.packet_order import is_regular, packet_steps, tell_irregularities
+from puck.recordings.packet_order import is_regular, tell_irregularities
 from puck.recordings.packet_turns import Payloads
 from puck.recordings.packets import HDL64E, PACKET, PacketLog
 from puck.recordings.pcap import read_datagrams

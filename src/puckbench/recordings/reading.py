@@ -18,6 +18,7 @@ from pointkit.lidar.times import TimeUnit
 from pointkit.lidar.turns import elapsed
 from pointkit.lidar.unit_calibration import calibration_beside, calibration_in_packets, is_s3
 from puck.recordings.captured_packets import is_packet_capture
+from puck.recordings.clock_leaps import packet_steps
 from puck.recordings.data_packets import (
     LEFT_OUT,
     log_left_out,
@@ -30,7 +31,6 @@ from puck.recordings.ouster_bags import PACKET_MESSAGES, ouster_packets_in_bag
 from puck.recordings.ouster_tables import ouster_table
 from puck.recordings.packet_order import (
     in_order,
-    packet_steps,
     tell_irregularities,
     without_leaps,
 )
