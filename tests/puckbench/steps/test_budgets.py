@@ -43,10 +43,10 @@ def config(tmp_path: Path, **codecs: Any) -> dict[str, Any]:
 
 def test_rows_of_a_run_have_equal_bits_and_the_rates_that_were_found(tmp_path: Path) -> None:
     budgets = {"rates": ["12bpp", "24bpp"]}
-    metrics, _ = run_in_process(config(tmp_path, draco=budgets, gpcc=budgets, puck=budgets))
+    metrics, _ = run_in_process(config(tmp_path, draco=budgets, gpcc=budgets, jpegls=budgets))
     rows = metrics.set_index(["codec", "rate"])
     assert sorted(rows.index) == [
-        (codec, rate) for codec in ("draco", "gpcc", "puck") for rate in ("12bpp", "24bpp")
+        (codec, rate) for codec in ("draco", "gpcc", "jpegls") for rate in ("12bpp", "24bpp")
     ]
     for codec in ("draco", "gpcc"):
         for rate, bpp in (("12bpp", 12.0), ("24bpp", 24.0)):
@@ -54,7 +54,7 @@ def test_rows_of_a_run_have_equal_bits_and_the_rates_that_were_found(tmp_path: P
             assert 0.98 * bpp <= row["bpp"] <= bpp
             assert row["used_rate"].endswith("mm")
             assert row["d1_rms_m"] < float(row["used_rate"][:-2]) / 1000
-    finest = rows.loc[("puck", "24bpp")]
+    finest = rows.loc[("jpegls", "24bpp")]
     assert finest["used_rate"] == "2mm"
     assert "its finest rate, 2mm, takes" in finest["remark"]
 
