@@ -14,7 +14,6 @@ from cloud_files.clouds import read_cloud
 from pointkit.errors import InputError, naming
 from pointkit.files import sha256, write_json
 from pointkit.models import parsed
-from puckbench.codecs.learned import require_networks
 from puckbench.core.code import CLOUD_FILES
 from puckbench.geometry.labels import OF_SCENE, class_labels
 from puckbench.steps.fingerprints import code_version
@@ -38,8 +37,9 @@ _DIGITS = 4
 
 def open_segmentation_training(settings: Mapping[str, Any]) -> SegmentationTraining:
     """Return the checked settings of a training; raise InputError if one is invalid."""
-    if find_spec("lidar_segmentation") is None:
-        raise InputError("lidar_segmentation not installed: pip install 'puckbench[learned]'")
+    for package in ("lidar_segmentation", "pcc_networks"):
+        if find_spec(package) is None:
+            raise InputError(f"{package} not installed: pip install 'puckbench[learned]'")
     from lidar_segmentation import SegmentationTraining, class_map
 
     training = parsed(SegmentationTraining, settings, "training")
@@ -98,7 +98,6 @@ class TrainSegmentation(Step):
         weights
             File to write. The model card (JSON) and the losses (CSV) are written beside it.
         """
-        require_networks()
         training = open_segmentation_training(self.options)
         from pcc_networks.training.loop import train
         from puckbench.steps.segmentation_trainer import SegmentationTrainer

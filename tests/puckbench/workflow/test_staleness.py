@@ -135,7 +135,7 @@ KINDS = {
     *("decode_shown", "evaluate", "scan_error", "recovery", "drive", "drive_of_clouds"),
     *("encode_drive", "measure_drive", "measure_undecoded", "residuals", "wall_points"),
     *("capture_residuals", "calibration", "study_table", "results_table", "table", "figure"),
-    *("first_look", "reference"),
+    *("first_look", "reference", "segmentation_weights"),
 }
 
 
@@ -215,9 +215,10 @@ CHANGED_BY: dict[str, set[str]] = {
     "pcc_networks/pcgcv2/inference.py": _curves("pcgcv2_plus") | {"train small"} | MINE,
     "pcc_networks/octree_net/mixing.py": _curves("sparse_octree_net") | MINE,
     "pcc_networks/weights_file.py": _curves(*NETWORKS) | {"train small"} | MINE,
-    "pcc_networks/training/loop.py": {"train small"} | MINE,
+    "pcc_networks/training/loop.py": {"train small", "segmentation small"} | MINE,
     # The network's folder counts as a whole.
     "pcc_networks/pcgcv2/training.py": _curves("pcgcv2_plus") | {"train small"} | MINE,
+    "lidar_segmentation/training.py": {"segmentation small"} | MINE,
     "puckbench/codecs/storage/laz.py": _curves("laz"),
     "puckbench/codecs/storage/range_images.py": _curves("jpegxl"),
     "puckbench/codecs/storage/packets.py": _curves("packets_xz"),
