@@ -11,11 +11,22 @@ from pointkit.errors import InputError
 from pointkit.geometry.cloud import PointCloud
 from pointkit.registry import trust
 from puckbench.metrics.density import density
-from puckbench.metrics.metric_registry import further_metrics
+from puckbench.metrics.metric_registry import FurtherMetrics, further_metrics
 from puckbench.planning.config import trusted
 from puckbench.planning.plan import Plan
 
 POINTS = np.random.default_rng(1).random((400, 3)) * 10
+OWN_CLASS = """
+class Counted:
+    made = 0
+
+    def __init__(self, reference, *, factor=1):
+        Counted.made += 1
+        self.points, self.factor = len(reference), factor
+
+    def __call__(self, decoded):
+        return {"counted": self.factor * (self.points + len(decoded)), "made": Counted.made}
+"""
 USER_METRIC = """
 def moved(reference, decoded):
     return {"moved": float((decoded.xyz - reference.xyz).mean())}
@@ -37,6 +48,33 @@ def test_a_function_of_ones_own(tmp_path: Path) -> None:
     assert further_metrics([place], *clouds, {})["moved"] == pytest.approx(2)
     with pytest.raises(InputError, match="the column 'moved' exists already"):
         further_metrics([place], *clouds, {"moved": 1})
+
+
+def test_a_class_is_created_once_for_all_clouds_of_an_original(tmp_path: Path) -> None:
+    (tmp_path / "own.py").write_text(OWN_CLASS)
+    trust([place := f"{tmp_path / 'own.py'}:Counted"])
+    metrics = FurtherMetrics({place: {"factor": 2}}, PointCloud(POINTS))
+    rows = [metrics.of(PointCloud(POINTS[:count]), ()) for count in (10, 20)]
+    assert rows == [{"counted": 820, "made": 1}, {"counted": 840, "made": 1}]
+    with pytest.raises(InputError, match=r"Counted: options: .*'factr'"):
+        FurtherMetrics({place: {"factr": 2}}, PointCloud(POINTS))
+
+
+@pytest.mark.parametrize(
+    ("metrics", "fault"),
+    [
+        ({"density": {"k": 3}}, r"^datasets\.objects\.metrics: metric density: options: .*'k'"),
+        ({"mininet": {}}, r"^datasets\.objects\.metrics: metric mininet: options: .*'weights'"),
+        ({"densty": {}}, r"^datasets\.objects\.metrics: unknown metric 'densty'"),
+    ],
+)
+def test_options_of_a_data_sets_metrics_are_checked_before_anything_runs(
+    metrics: dict[str, dict[str, int]], fault: str
+) -> None:
+    data = {"scene_set": "objects", "make": "sample", "metrics": metrics}
+    sets = {"objects": {"loader": "embedded_objects"}}
+    with pytest.raises(InputError, match=fault):
+        Plan(trusted({"scene_sets": sets, "datasets": {"objects": data}}))
 
 
 @pytest.mark.parametrize(
