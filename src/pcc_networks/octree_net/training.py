@@ -142,13 +142,14 @@ class OctreeNetTrainer(BaseTrainer[OctreeNet, float]):
 
     def __init__(self, model: OctreeNet, training: BaseTraining, pool: ThreadPool) -> None:
         super().__init__(model, training)
+        self.levels = (training.cube_size - 1).bit_length()
         self.pool = pool
 
     def step(self, clouds: Sequence[Keys]) -> float:
         """Do one step of the optimiser on a batch, and return the loss in bits per voxel."""
         keys = join_clouds(clouds)
-        levels = (self.training.cube_size - 1).bit_length()
-        loss = torch.stack(bits_per_level(self.model, keys, levels, self.pool)).sum() / len(keys)
+        bits = torch.stack(bits_per_level(self.model, keys, self.levels, self.pool))
+        loss = bits.sum() / len(keys)
         self.optimiser_step(loss)
         limit_weights(self.model)
         return float(loss.detach())
