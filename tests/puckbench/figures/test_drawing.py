@@ -28,6 +28,8 @@ from puckbench.figures.registry import FIGURES, figure_entries, figure_entry
 from puckbench.figures.style import FigureStyle
 from puckbench.metrics.timing import unranked_codecs
 from puckbench.tables.odometry_differences import odometry_differences
+from tests.puckbench.tables.test_perception import losses
+from tests.puckbench.tables.test_perception import metrics as labelled_metrics
 from tests.support.figures_lookalike import (
     CD_MEDIANS,
     SCALE,
@@ -83,6 +85,7 @@ def input_files(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
     }
     tables["drives"] = pd.read_parquet(REFERENCE_DRIVES)
     tables["odometry_differences"] = odometry_differences(tables["drives"])
+    tables["perception_losses"] = losses(metrics=labelled_metrics())
     for name, table in tables.items():
         files[name] = folder / f"{name}.parquet"
         table.to_parquet(files[name])
