@@ -47,6 +47,11 @@ SCALED = {
     for name, entry in figure_entries().items()
     if entry.frame == "scaled" and name not in _OTHERS
 }
+# Those that need a capture, G-PCC, drives, or labels.
+ABSENT = {
+    *("model_verdict", "gpcc_grid", "gpcc_rounding", "gpcc_contexts"),
+    *("odometry", "perception"),
+}
 
 
 def test_one_command_makes_every_table_and_figure(finished: Bench) -> None:
@@ -56,8 +61,7 @@ def test_one_command_makes_every_table_and_figure(finished: Bench) -> None:
     assert table.cd_plane.notna().all()
     assert table.truth_cd_plane.notna().all()
     figures = {path.stem for path in (finished.results / "figures").glob("*.pdf")}
-    absent = {"model_verdict", "gpcc_grid", "gpcc_rounding", "gpcc_contexts", "odometry"}
-    assert figures == SCALED - absent  # which need a capture, G-PCC, or drives
+    assert figures == SCALED - ABSENT
     assert all(path.stat().st_size > 1000 for path in (finished.results / "figures").iterdir())
 
 
@@ -297,7 +301,7 @@ def test_the_page_holds_results_figures_and_decoded_examples(finished: Bench) ->
     assert len(data["curves"]["cells"]) == 4 * 5
     decoded = [len(example["decoded"]) for example in data["clouds"]["examples"]]
     assert decoded == [5, 5, 5, 5]  # two rates of draco, one of raw_grid, two of box
-    assert text.count('id="figure-') == len(SCALED) - 5  # without captures, G-PCC and drives
+    assert text.count('id="figure-') == len(SCALED - ABSENT)
     for table in ("summary", "bd_rate", "thesis_numbers", "table_4_1"):
         assert f'id="table-{table}"' in text
 
