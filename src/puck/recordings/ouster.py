@@ -41,6 +41,7 @@ _COLUMNS_PER_PACKET, _USUAL_COLUMNS = range(1, 129), 16
 """Allowed numbers of columns in a packet, and the usual number."""
 _HALF_TURN = (-1.0, 0.0, 0.0, 0.0, 0.0, -1.0, 0.0, 0.0, 0.0, 0.0, 1.0)
 """The first elements of the transform from lidar to sensor coordinates; the next is the height."""
+_TO_SENSOR = (*_HALF_TURN, _HEIGHT_MM, 0.0, 0.0, 0.0, 1.0)
 
 
 class Field(NamedTuple):
@@ -354,12 +355,12 @@ def _sensor(document: Mapping[str, Any]) -> OusterSensor:
     first, last = packets.get("column_window", (0, columns - 1))
     name = str(values.get("prod_line") or "Ouster")
     assumed = []
-    to_lidar = _floats(values.get("beam_to_lidar_transform", (0.0,) * 16))
+    to_lidar = _transform(values.get("beam_to_lidar_transform", (0.0,) * 16))
     radial = values.get("lidar_origin_to_beam_origin_mm", to_lidar[3])
     if not radial and "lidar_origin_to_beam_origin_mm" not in values:
         radial = _RADIAL_MM.get(name[:5], _FIRST_RADIAL_MM)
         assumed.append(f"lidar_origin_to_beam_origin_mm ({radial})")
-    to_sensor = _floats(values.get("lidar_to_sensor_transform", (*_HALF_TURN, _HEIGHT_MM)))
+    to_sensor = _transform(values.get("lidar_to_sensor_transform", _TO_SENSOR))
     if "lidar_to_sensor_transform" not in values:
         assumed.append(f"lidar_to_sensor_transform ({_HEIGHT_MM} mm in z)")
     sensor = OusterSensor(
@@ -395,6 +396,14 @@ def _sensor(document: Mapping[str, Any]) -> OusterSensor:
 
 def _floats(values: Sequence[Any]) -> tuple[float, ...]:
     return tuple(float(value) for value in values)
+
+
+def _transform(values: Sequence[Any]) -> tuple[float, ...]:
+    """Return the 16 numbers of a matrix (4, 4), row by row."""
+    numbers = _floats(values)
+    if len(numbers) != len(_TO_SENSOR):
+        raise ValueError("no matrix of 4 rows and columns")
+    return numbers
 
 
 def is_size_of_packets(size: int) -> bool:

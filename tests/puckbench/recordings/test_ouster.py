@@ -237,6 +237,16 @@ def test_offsets_that_metadata_lack_are_those_of_the_sdk(
     )
 
 
+@pytest.mark.parametrize("transform", [[1, 2], [], "", {}, [1.0] * 15])
+@pytest.mark.parametrize("name", ["beam_to_lidar_transform", "lidar_to_sensor_transform"])
+def test_a_transform_has_16_numbers(name: str, transform: Any, tmp_path: Path) -> None:
+    (path := tmp_path / "a.json").write_text(
+        json.dumps(metadata("LEGACY", nested=False) | {name: transform})
+    )
+    with pytest.raises(InputError, match=r"a.json: not the metadata of an Ouster sensor"):
+        read_sensor(path)
+
+
 def test_packets_without_a_serial_number_are_told(
     tmp_path: Path, caplog: pytest.LogCaptureFixture
 ) -> None:
