@@ -44,7 +44,7 @@ MODULES = (
     *("scipy.spatial", "pykdtree.kdtree", "open3d", "pointkit", "virtual_lidar", "gpcc", "puck"),
     *("primitive_codec", "cloud_files", "puckbench.recordings", "puckbench.scene_sets"),
     *("puckbench.metrics", "puckbench.codecs", "puckbench.figures", "puckbench.report"),
-    *("puckbench.steps", "puckbench.results", "puckbench.tables"),
+    *("puckbench.steps", "puckbench.results", "puckbench.tables", "puckbench.published_sources"),
 )
 """Names of what a server imports: modules, and packages with all their modules."""
 LEARNED = ("torch", "constriction", "pcc_networks")
