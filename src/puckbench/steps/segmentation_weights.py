@@ -21,8 +21,9 @@ from puckbench.steps.step import STEPS, Paths, PlannedStep, Step, planned
 
 if TYPE_CHECKING:
     from lidar_segmentation import LabelledScan, SegmentationTraining
+    from lidar_segmentation.network import SegmentationModule
+    from pcc_networks.training.loop import BaseTrainer
     from puckbench.planning.workflow import Workflow
-    from puckbench.steps.segmentation_trainer import SegmentationTrainer
 
 CODE = (
     *(*CLOUD_FILES, "puckbench.geometry.labels"),
@@ -100,11 +101,11 @@ class TrainSegmentation(Step):
         """
         training = open_segmentation_training(self.options)
         from pcc_networks.training.loop import train
-        from puckbench.steps.segmentation_trainer import SegmentationTrainer
+        from puckbench.steps.segmentation_trainer import segmentation_trainer
         from puckbench.steps.training_log import TrainingLog
 
         examples = training.examples([read_labelled(path, training.labels) for path in clouds])
-        trainer = SegmentationTrainer(training, examples)
+        trainer = segmentation_trainer(training, examples)
         checkpoint = weights.with_suffix(".pt")
         trainer.identity = {"data": [sha256(path) for path in clouds], "code": self.code or ""}
         self._resume(trainer, checkpoint)
@@ -124,7 +125,7 @@ class TrainSegmentation(Step):
         write_json(weights.with_suffix(".json"), card)
         return card
 
-    def _resume(self, trainer: SegmentationTrainer, checkpoint: Path) -> None:
+    def _resume(self, trainer: BaseTrainer[SegmentationModule, float], checkpoint: Path) -> None:
         from pcc_networks.training.loop import OtherTrainingError
 
         if checkpoint.exists():

@@ -22,7 +22,7 @@ from pointkit.files import read_json
 from pointkit.geometry.cloud import PointCloud
 from puckbench.geometry.labels import OF_SCENE, described_classes
 from puckbench.planning.workflow import Workflow
-from puckbench.steps.segmentation_trainer import SegmentationTrainer
+from puckbench.steps.segmentation_trainer import segmentation_trainer
 from puckbench.steps.segmentation_weights import (
     TrainSegmentation,
     open_segmentation_training,
@@ -94,7 +94,7 @@ def test_a_resumed_training_equals_an_uninterrupted_one(
             if step == steps:
                 raise KeyboardInterrupt
 
-        trainer = SegmentationTrainer(settings, examples)
+        trainer = segmentation_trainer(settings, examples)
         with suppress(KeyboardInterrupt):
             train(trainer, examples.batch, tmp_path / name, 2, stop)
         return trainer.model.state_dict()
