@@ -9,7 +9,7 @@ if TYPE_CHECKING:
     from lidar_segmentation.training import Example, Examples
     from pcc_networks.training.loop import BaseTrainer
 
-CODE = ("pcc_networks.training",)
+CODE = ("pcc_networks.training", "pcc_networks.weights_file")
 
 
 def segmentation_trainer(

@@ -189,6 +189,7 @@ def _each(kind: str, *names: str) -> set[str]:
 
 RECORDED = {"scene turns", "scene one_turn", "drive real", "capture_residuals box"}
 DRIVES = {"encode_drive puck", "measure_drive puck"}
+TRAININGS = {"train small", "segmentation small"}
 SWEEPS = _each("figure", "sweeps_rd", "sweeps_truth", "sweeps_ranges")
 """Figures in one file with `spin_images`, which codes with `puck` itself."""
 EVALUATED = {*_each("evaluate", *CODECS), "scan_error noisy", "scan_error spin", "train small"}
@@ -214,8 +215,8 @@ CHANGED_BY: dict[str, set[str]] = {
     "pcc_networks/pcgcv1/inference.py": _curves("pcgcv1_plus") | MINE,
     "pcc_networks/pcgcv2/inference.py": _curves("pcgcv2_plus") | {"train small"} | MINE,
     "pcc_networks/octree_net/mixing.py": _curves("sparse_octree_net") | MINE,
-    "pcc_networks/weights_file.py": _curves(*NETWORKS) | {"train small"} | MINE,
-    "pcc_networks/training/loop.py": {"train small", "segmentation small"} | MINE,
+    "pcc_networks/weights_file.py": _curves(*NETWORKS) | TRAININGS | MINE,
+    "pcc_networks/training/loop.py": TRAININGS | MINE,
     # The network's folder counts as a whole.
     "pcc_networks/pcgcv2/training.py": _curves("pcgcv2_plus") | {"train small"} | MINE,
     "lidar_segmentation/training.py": {"segmentation small"} | MINE,
