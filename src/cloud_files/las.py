@@ -35,7 +35,8 @@ _MOST_LETTERS = 32
 _OF_LAS_1_4 = range(6, 11)
 """Point formats of LAS 1.4."""
 _NARROW = {"classification": (5, 8), "return_number": (3, 4), "number_of_returns": (3, 4)}
-"""Bits of dimensions in point formats 0 to 5, and in those of LAS 1.4."""
+"""Numbers of bits that a value has in point formats 0 to 5, and in those of LAS 1.4, by the name of
+the dimension."""
 _MOST_WHOLE = 1 << 53
 _COLUMN_NAMES = {
     "intensity": "reflectivity",

@@ -12,13 +12,13 @@ from typing import TYPE_CHECKING
 from pointkit.lazy import lazy
 
 if TYPE_CHECKING:
-    from lidar_segmentation.class_maps import IGNORED as IGNORED
     from lidar_segmentation.class_maps import ClassMap as ClassMap
     from lidar_segmentation.class_maps import class_map as class_map
     from lidar_segmentation.class_maps import class_map_names as class_map_names
     from lidar_segmentation.mininet import MiniNet as MiniNet
     from lidar_segmentation.predicting import SegmentationNetwork as SegmentationNetwork
     from lidar_segmentation.predicting import open_network as open_network
+    from lidar_segmentation.scores import IGNORED as IGNORED
     from lidar_segmentation.scores import confusion as confusion
     from lidar_segmentation.scores import ious as ious
     from lidar_segmentation.scores import mean_iou as mean_iou
@@ -28,10 +28,10 @@ if TYPE_CHECKING:
 
 __getattr__, __dir__, __all__ = lazy(
     __name__,
-    class_maps=("IGNORED", "ClassMap", "class_map", "class_map_names"),
+    class_maps=("ClassMap", "class_map", "class_map_names"),
     mininet=("MiniNet",),
     predicting=("SegmentationNetwork", "open_network"),
-    scores=("confusion", "ious", "mean_iou"),
+    scores=("IGNORED", "confusion", "ious", "mean_iou"),
     training=("LabelledScan", "SegmentationTraining"),
     weights_file=("shipped",),
 )

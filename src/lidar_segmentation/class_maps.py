@@ -11,14 +11,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from pointkit.confusion import IGNORED
 from pointkit.errors import InputError, among
 from pointkit.models import Model, parsed
 from pointkit.yaml_files import read_yaml
 
 Label = str | int
 _Labels = tuple[str, ...] | Mapping[int, str]
-IGNORED = 255
-"""Number in place of a class, for points that are not judged."""
 
 
 class _LabelSet(Model):
@@ -61,7 +60,7 @@ class ClassMap:
 
     @property
     def judged(self) -> tuple[int, ...]:
-        """Numbers of the classes that the labels have."""
+        """Numbers of the network's classes that at least one label is, in ascending order."""
         return tuple(sorted(set(self.numbers.values()) - {IGNORED}))
 
     def of(self, labels: Iterable[Label] | NDArray[Any]) -> NDArray[np.uint8]:

@@ -18,9 +18,10 @@ from pointkit.models import Model
 
 Singles = NDArray[np.float32]
 HEIGHTS = 3
-"""Channels of a cell besides its occupied heights: lowest and highest point, lowest point near."""
+"""Number of channels of a cell besides those of its occupied bins of height: the heights of its
+lowest point, of its highest point, and of the lowest point in the window around it."""
 OFFSETS = 8
-"""Features of a point besides its height in bins."""
+"""Number of features of a point besides those of the bins of height."""
 _SCALE_M = 4.0
 """Length by which heights are divided, so that they are of the order of one."""
 _MOST = 4.0

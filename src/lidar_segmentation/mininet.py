@@ -22,8 +22,9 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from lidar_segmentation.class_maps import IGNORED, ClassMap
+from lidar_segmentation.class_maps import ClassMap
 from lidar_segmentation.scan_points import checked_points
+from pointkit.confusion import IGNORED
 from pointkit.errors import InputError
 from pointkit.files import read_bytes, refuse_special
 
@@ -66,7 +67,7 @@ Singles = NDArray[np.float32]
 
 
 class RangeImage(NamedTuple):
-    """A scan as a range image, in which the nearest point of a pixel hides the others.
+    """A scan that is projected to an image: each pixel has the values of the nearest point in it.
 
     Parameters
     ----------

@@ -11,8 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field, PositiveFloat, PositiveInt
 
-from lidar_segmentation.class_maps import IGNORED, class_map
+from lidar_segmentation.class_maps import class_map
 from lidar_segmentation.grid import Gridded, GridShape, Singles, gridded
+from pointkit.confusion import IGNORED
 from pointkit.errors import InputError
 from pointkit.seeding import generator, random_rows
 

@@ -9,7 +9,7 @@ from typing import NamedTuple
 from pointkit.errors import InputError
 from pointkit.files import open_file, read_bytes
 from puck.packet_kinds import PacketFormat, formats_of
-from puck.recordings.captured_packets import is_packet_capture
+from puck.recordings.captured_packets import START_BYTES, is_packet_capture
 from puck.recordings.ouster import OusterSensor, all_metadata_beside, sensor_of
 from puck.recordings.ouster_bags import sensors_in_bag
 from puck.recordings.ouster_logs import find_contradiction
@@ -18,8 +18,6 @@ from puck.sensors import LocatedPackets
 
 MOST_METADATA = 1 << 18
 """Maximum size in bytes of the metadata of an Ouster in a stream."""
-_START_BYTES = 24
-"""Number of bytes at the start of a file that identify a packet capture."""
 _log = logging.getLogger(__name__)
 
 
@@ -139,4 +137,4 @@ class MetadataUse:
 
 def _is_capture(recording: Path) -> bool:
     with open_file(recording) as file:
-        return is_packet_capture(file.read(_START_BYTES))
+        return is_packet_capture(file.read(START_BYTES))

@@ -61,9 +61,10 @@ _MANY_BYTES, _BYTES_PER_BYTE = 3 << 24, 40
 _MOST_LEFT = 8
 """Inverse of the share of bytes outside packets below which no more packets are searched for."""
 _ALWAYS_PLAIN, _QUICKLY, _CLOSE = 1 << 18, 1, 2.5
-"""Most bytes with clouds that LZMA alone always compresses, too, since models have learnt little;
-level of Zstandard that tells of more bytes whether LZMA may be better, and how near it then comes.
-"""
+"""How it is decided whether clouds are compressed by LZMA alone as well; the smaller result is
+kept. Up to the first number of bytes, they always are, since models learn little from so few.
+More bytes are compressed by this level of Zstandard; they are if the result is less than the third
+number times the size with models."""
 _FRAME_BYTES = 16
 """Maximum number of bytes that state the length of a gap. A decoder counts them as output, too."""
 

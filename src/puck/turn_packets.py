@@ -23,7 +23,7 @@ from puck.packet_kinds import (
     formats_of,
 )
 from puck.recording import FoundPackets, search
-from puck.recordings.captured_packets import is_packet_capture
+from puck.recordings.captured_packets import START_BYTES, is_packet_capture
 from puck.recordings.packet_turns import Payloads
 from puck.records import RecordKind, RecordPlace, is_stream, places_of_records, read_record
 from puck.sensors import PacketSorter
@@ -35,8 +35,6 @@ _MOST_BYTES = 1 << 25
 _MOST_START, _FIRST_GAPS = 1 << 18, 8
 """Maximum number of bytes at the start of a capture that are read for its first packets, and number
 of gaps between these packets."""
-_START_BYTES = 24
-"""Number of bytes at the start of a file that identify a packet capture."""
 _MOST_OFF = 0.1
 """Largest deviation of a turn's length from the median, as a share of it."""
 
@@ -134,7 +132,7 @@ def _index_of_recording(path: Path) -> TurnIndex | None:
     found: set[tuple[Any, ...]] = set()  # kind, number of the format, number of the sensor
     lengths, spans, done, sorter = list[int](), list[_Span](), 0, PacketSorter()
     with windows_of(path) as windows:
-        if not is_packet_capture(windows.next(_START_BYTES)[0].tobytes()):
+        if not is_packet_capture(windows.next(START_BYTES)[0].tobytes()):
             return None
         metadata = read_metadata(path)
         formats = formats_of(metadata.sensors)
@@ -211,7 +209,7 @@ def _index_of_stream(path: Path) -> TurnIndex | None:
         if len(layouts) != 1 or not _are_alike([_count_blocks(places[k].start) for k in starts]):
             return None
         gaps = _first_gaps(file, places)
-        if not is_packet_capture(gaps[0][:_START_BYTES]):
+        if not is_packet_capture(gaps[0][:START_BYTES]):
             return None
         layout = read_record(file, layouts[0].at).body
         metadata = _metadata(file, places) or read_metadata(path).content

@@ -111,6 +111,10 @@ class CapturedPackets:
         return (order, kind, at + 8, end) if is_complete else None
 
 
+START_BYTES = 24
+"""Number of bytes at the start of a file by which `is_packet_capture` judges it."""
+
+
 def is_packet_capture(data: bytes) -> bool:
     """Return whether bytes begin like a pcap or pcapng file."""
     is_section = data.startswith(_SECTION_START) and data[8:12] in _SECTION_ORDERS

@@ -104,10 +104,11 @@ def rate_within(
         The budget is less than the codec's coarsest rate takes, the codec skips the clouds at all
         rates, or the budget is one of bits per second and `seconds` is None.
     """
-    kind, table = _codable(codec, clouds)
+    extent = max(float(np.ptp(bounds(cloud.xyz), axis=0).max()) for cloud in clouds)
+    kind, table = _codable(codec, clouds, extent)
     points = sum(map(len, clouds))
     probes = _Probes(codec, encode, budget, budget.bits(points, seconds) / budget.amount)
-    scale = _free_scale(codec, table, clouds, kind)
+    scale = _free_scale(codec, table, clouds[0], kind, extent)
     if scale is None:
         names = list(table)
         _bisect(probes, table, names)
@@ -268,11 +269,12 @@ def _bisect(probes: _Probes, table: Mapping[str, Parameters], names: Sequence[st
 
 
 def _codable(
-    codec: Codec, clouds: Sequence[PointCloud]
+    codec: Codec, clouds: Sequence[PointCloud], extent: float
 ) -> tuple[CloudKind, Mapping[str, Parameters]]:
     """Return the kind of clouds, and the rates at which the codec encodes them.
 
-    Raises InputError with the reason if there are none.
+    `extent` is the largest side of their bounding boxes. Raises InputError with the reason if there
+    are none.
     """
     frame = clouds[0].frame
     table = offered_rates(codec, frame)
@@ -280,7 +282,6 @@ def _codable(
         table = metric
     reasons, coded = [], {}
     kind = CloudKind.of(clouds[0])
-    extent = max(float(np.ptp(bounds(cloud.xyz), axis=0).max()) for cloud in clouds)
     for rate, parameters in (table or codec.rates).items():
         if kind.frame is None and is_length(codec, rate):
             kind = kind._replace(frame="metric")
@@ -298,13 +299,13 @@ def _codable(
 def _free_scale(
     codec: Codec,
     table: Mapping[str, Parameters],
-    clouds: Sequence[PointCloud],
+    cloud: PointCloud,
     kind: CloudKind,
+    extent: float,
 ) -> _Steps | None:
     """Return the steps that a codec may take for clouds, or None if its rates are fixed."""
-    extent = max(float(np.ptp(bounds(cloud.xyz), axis=0).max()) for cloud in clouds)
     if all({*parameters} == {"step_m"} for parameters in table.values()):
-        finest, coarsest, unit = step_range(codec, clouds[0])
+        finest, coarsest, unit = step_range(codec, cloud)
         finest = _finest_coded(codec, kind, finest, coarsest)
         named = [float(parameters["step_m"]) for parameters in table.values()]
         if unit is None:

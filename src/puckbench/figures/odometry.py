@@ -2,10 +2,14 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
 from puckbench.figures.axis_labels import BETTER
 from puckbench.figures.checks import require_rows
+from puckbench.figures.margins import (
+    draw_intervals,
+    draw_margin,
+    handles_of_margin,
+    set_losses,
+)
 from puckbench.figures.panels import (
     add_fitting_legend,
     fitted_limits,
@@ -15,7 +19,6 @@ from puckbench.figures.panels import (
 )
 from puckbench.figures.registry import FIGURES
 from puckbench.figures.style import COLUMN_WIDTH_IN, PAGE_WIDTH_IN, FigureStyle
-from puckbench.metrics.statistics import MIN_SCENES
 from puckbench.recordings.drives import AZIMUTH, KEPT, NONE
 from puckbench.tables.odometry_differences import ALL, MEASURES, ODOMETRIES
 from puckbench.tables.registry import ODOMETRY, UNDECODED
@@ -33,7 +36,7 @@ _COLUMNS = ("dataset", "odometry", "codec", "times", "bits", "difference", "marg
 _TIMES = {KEPT: "own times", AZIMUTH: "times from azimuths", NONE: "no times"}
 _OFFSET = {KEPT: 1.0, AZIMUTH: 0.985, NONE: 1.015}
 """Factors of bits that keep bars of one rate apart."""
-_MARGIN_COLOUR, _NO_TIMES_LINE = "#dcdcdc", (0, (4, 2))
+_NO_TIMES_LINE = (0, (4, 2))
 _LOST: dict[str, Any] = {"marker": "x", "color": "black", "markersize": 3.0, "linestyle": ""}
 
 
@@ -68,7 +71,7 @@ def draw_odometry(odometry_differences: pd.DataFrame, style: FigureStyle) -> Fig
                 axes.set_axis_off()
                 continue
             measure = str(panel["measure"].iloc[0])
-            _set_differences(axes, rows[rows["measure"] == measure])
+            set_losses(axes, rows[rows["measure"] == measure], ["low", "high", "difference"])
             _draw_panel(axes, panel, style)
             title = f"{style.title(name)} (n = {panel['trajectories'].iloc[0]}), {odometry}"
             set_title(axes, title, len(names), style)
@@ -81,21 +84,8 @@ def draw_odometry(odometry_differences: pd.DataFrame, style: FigureStyle) -> Fig
     return figure
 
 
-def _set_differences(axes: Axes, rows: pd.DataFrame) -> None:
-    from matplotlib.ticker import NullLocator, StrMethodFormatter, SymmetricalLogLocator
-
-    linear = float(rows["margin"].min())
-    ends = rows[["low", "high", "difference"]].to_numpy(float)
-    axes.set_yscale("symlog", linthresh=linear)
-    low, high = min(np.nanmin(ends), 0.0), max(np.nanmax(ends), linear)
-    axes.set_ylim(min(1.3 * low, -0.5 * linear), 1.6 * high)
-    axes.yaxis.set_major_locator(SymmetricalLogLocator(linthresh=linear, base=10))
-    axes.yaxis.set_major_formatter(StrMethodFormatter("{x:g}"))
-    axes.yaxis.set_minor_locator(NullLocator())
-
-
 def _draw_panel(axes: Axes, rows: pd.DataFrame, style: FigureStyle) -> None:
-    axes.axhspan(0, rows["margin"].iloc[0], color=_MARGIN_COLOUR, linewidth=0, zorder=1)
+    draw_margin(axes, rows["margin"].iloc[0])
     untimed = rows[(rows["codec"] == UNDECODED) & (rows["times"] == NONE)]
     for value in untimed["difference"]:
         axes.axhline(value, color="#444444", linewidth=0.9, linestyle=_NO_TIMES_LINE, zorder=2)
@@ -107,11 +97,8 @@ def _draw_panel(axes: Axes, rows: pd.DataFrame, style: FigureStyle) -> None:
             bits = curve["bits"].to_numpy(float) * _OFFSET[str(times)]
             middle = curve["difference"].to_numpy(float)
             common: dict[str, Any] = {"color": look.colour, "zorder": 3}
-            if curve["trajectories"].iloc[0] >= MIN_SCENES:
-                axes.vlines(bits, curve["low"], curve["high"], linewidth=1.0, **common)
-            else:
-                for column in ("least", "most"):
-                    axes.plot(bits, curve[column], marker=".", markersize=2, linestyle="", **common)
+            samples = curve["trajectories"].iloc[0]
+            draw_intervals(axes, bits, curve, samples, linewidth=1.0, **common)
             axes.plot(bits, middle, linestyle=(0, (1, 3)), linewidth=0.7, **common)
             axes.plot(bits, middle, **_marker(look, str(times)), zorder=4)
             lost = curve["lost_turns"].to_numpy(float) > 0
@@ -130,8 +117,6 @@ def _marker(look: Any, times: str) -> dict[str, Any]:
 
 
 def _handles(rows: pd.DataFrame, style: FigureStyle) -> list[Artist]:
-    from matplotlib.patches import Patch
-
     coded = rows[rows["codec"] != UNDECODED]
     handles: list[Artist] = []
     for codec in style.ordered_codecs(coded["codec"]):
@@ -145,9 +130,7 @@ def _handles(rows: pd.DataFrame, style: FigureStyle) -> list[Artist]:
     untimed = {"linewidth": 0.9, "linestyle": _NO_TIMES_LINE}
     if ((rows["codec"] == UNDECODED) & (rows["times"] == NONE)).any():
         handles.append(line_handle("undecoded, no times", **untimed))
-    handles.append(Patch(color=_MARGIN_COLOUR, label="margin"))
-    if rows["low"].notna().any():
-        handles.append(line_handle("95 % interval", color="#555555", marker="|", linestyle=""))
+    handles += handles_of_margin(rows)
     if (coded["lost_turns"] > 0).any():
         handles.append(line_handle("turns lost", **_LOST))
     return handles

@@ -2,10 +2,14 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
 from puckbench.figures.axis_labels import BETTER
 from puckbench.figures.checks import require_rows
+from puckbench.figures.margins import (
+    draw_intervals,
+    draw_margin,
+    handles_of_margin,
+    set_losses,
+)
 from puckbench.figures.panels import (
     add_fitting_legend,
     fitted_limits,
@@ -15,7 +19,6 @@ from puckbench.figures.panels import (
 )
 from puckbench.figures.registry import FIGURES
 from puckbench.figures.style import COLUMN_WIDTH_IN, PAGE_WIDTH_IN, FigureStyle
-from puckbench.metrics.statistics import MIN_SCENES
 from puckbench.tables.registry import PERCEPTION
 
 if TYPE_CHECKING:
@@ -28,7 +31,6 @@ CODE = ("puckbench.tables.perception_losses",)
 
 _PANEL_IN, _AROUND_IN = 1.6, 0.8
 _COLUMNS = ("dataset", "task", "codec", "bits", "loss", "margin", "along_rays")
-_MARGIN_COLOUR = "#dcdcdc"
 _LINES = {True: "-", False: (0, (1, 1.5))}
 """Lines of codecs of returns (True) and of points."""
 _WORDS = {True: "returns", False: "points"}
@@ -57,7 +59,7 @@ def draw_perception(perception_losses: pd.DataFrame, style: FigureStyle) -> Figu
     limits = fitted_limits(rows["bits"].to_numpy(float), (0.1, 30.0))
     for line, task in zip(grid, tasks, strict=True):
         of_task = rows[rows["task"] == task]
-        _set_losses(line[0], of_task)
+        set_losses(line[0], of_task, ["low", "high", "least", "most", "loss"])
         first = True
         for axes, name in zip(line, names, strict=True):
             panel = of_task[of_task["dataset"] == name]
@@ -77,30 +79,14 @@ def draw_perception(perception_losses: pd.DataFrame, style: FigureStyle) -> Figu
     return figure
 
 
-def _set_losses(axes: Axes, rows: pd.DataFrame) -> None:
-    from matplotlib.ticker import NullLocator, StrMethodFormatter, SymmetricalLogLocator
-
-    linear = float(rows["margin"].min())
-    ends = rows[["low", "high", "least", "most", "loss"]].to_numpy(float)
-    axes.set_yscale("symlog", linthresh=linear)
-    low, high = min(np.nanmin(ends), 0.0), max(np.nanmax(ends), linear)
-    axes.set_ylim(min(1.3 * low, -0.5 * linear), 1.6 * high)
-    axes.yaxis.set_major_locator(SymmetricalLogLocator(linthresh=linear, base=10))
-    axes.yaxis.set_major_formatter(StrMethodFormatter("{x:g}"))
-    axes.yaxis.set_minor_locator(NullLocator())
-
-
 def _draw_panel(axes: Axes, rows: pd.DataFrame, style: FigureStyle) -> None:
-    axes.axhspan(0, rows["margin"].iloc[0], color=_MARGIN_COLOUR, linewidth=0, zorder=1)
+    draw_margin(axes, rows["margin"].iloc[0])
     for codec in style.ordered_codecs(rows["codec"]):
         curve = rows[rows["codec"] == codec].sort_values("bits")
         colour = style.of_codec(codec).colour
         bits, loss = curve["bits"].to_numpy(float), curve["loss"].to_numpy(float)
-        if curve["scenes"].max() >= MIN_SCENES:
-            axes.vlines(bits, curve["low"], curve["high"], color=colour, linewidth=0.9, zorder=3)
-        else:
-            for column in ("least", "most"):
-                axes.plot(bits, curve[column], ".", markersize=2, color=colour, zorder=3)
+        samples = curve["scenes"].max()
+        draw_intervals(axes, bits, curve, samples, color=colour, linewidth=0.9, zorder=3)
         axes.plot(bits, loss, zorder=4, **_line(codec, bool(curve["along_rays"].iloc[0]), style))
 
 
@@ -117,14 +103,9 @@ def _line(codec: str, along_rays: bool, style: FigureStyle) -> dict[str, Any]:
 
 
 def _handles(rows: pd.DataFrame, style: FigureStyle) -> list[Artist]:
-    from matplotlib.patches import Patch
-
     handles: list[Artist] = []
     for codec in style.ordered_codecs(rows["codec"]):
         along_rays = bool(rows[rows["codec"] == codec]["along_rays"].iloc[0])
         label = f"{style.of_codec(codec).title} ({_WORDS[along_rays]})"
         handles.append(line_handle(label, **_line(codec, along_rays, style)))
-    handles.append(Patch(color=_MARGIN_COLOUR, label="margin"))
-    if rows["low"].notna().any():
-        handles.append(line_handle("95 % interval", color="#555555", marker="|", linestyle=""))
-    return handles
+    return [*handles, *handles_of_margin(rows)]

@@ -35,7 +35,7 @@ from functools import partial
 from importlib.util import find_spec
 from inspect import signature
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar
 
 from pointkit.errors import InputError
 from pointkit.geometry.cloud import PointCloud
@@ -55,31 +55,28 @@ def _no_files(**_: Any) -> Iterable[Path]:
 
 
 @dataclass(frozen=True)
-class Metric:
-    """A registered metric of single clouds.
+class Measurer:
+    """A registered metric of single clouds, or task on drives.
 
     Parameters
     ----------
     name
-        Name under which the metric is registered.
+        Name under which it is registered.
     measure
         The function or class that measures.
     measures
-        By what the metric is judged, if it is a task of a robot.
+        By what it is judged after coding, if it is a task of a robot.
     needs
-        Names of Python modules that the metric requires.
-    files
-        Function that returns the paths of the files that options name.
-    memory_mb
-        Memory, in MB, that the metric needs besides that of the codec.
+        Names of Python modules that it requires.
     """
+
+    kind: ClassVar[str]
+    """What it is called in messages."""
 
     name: str
     measure: Measure
     measures: tuple[TaskMeasure, ...] = ()
     needs: tuple[str, ...] = ()
-    files: Callable[..., Iterable[Path]] = _no_files
-    memory_mb: int = 0
 
     @property
     def missing(self) -> tuple[str, ...]:
@@ -88,11 +85,41 @@ class Metric:
 
     def check(self, options: Options) -> None:
         """Raise InputError if an option is missing or unknown."""
-        clouds = (None,) if isinstance(self.measure, type) else (None, None)
+        given = (None,) if isinstance(self.measure, type) else (None, None)
         try:
-            signature(self.measure).bind(*clouds, **options)
+            signature(self.measure).bind(*given, **options)
         except TypeError as error:
-            raise InputError(f"metric {self.name}: options: {error}") from error
+            raise InputError(f"{self.kind} {self.name}: options: {error}") from error
+
+    def add(
+        self, results: dict[str, Any], values: Mapping[str, Any], columns: Collection[str]
+    ) -> None:
+        """Add values, by name of their column, to results.
+
+        Raises InputError if the name of a value is in `results` or `columns`.
+        """
+        if clash := sorted(values.keys() & {*columns, *results}):
+            fault = f"the column '{clash[0]}' exists already; rename it"
+            raise InputError(f"{self.kind} {self.name}: {fault}")
+        results |= values
+
+
+@dataclass(frozen=True)
+class Metric(Measurer):
+    """A registered metric of single clouds.
+
+    Parameters
+    ----------
+    files
+        Function that returns the paths of the files that options name.
+    memory_mb
+        Memory, in MB, that the metric needs besides that of the codec.
+    """
+
+    kind = "metric"
+
+    files: Callable[..., Iterable[Path]] = _no_files
+    memory_mb: int = 0
 
     def of(self, reference: PointCloud, options: Options) -> Measured:
         """Return the metric of clouds that were decoded from an original cloud.
@@ -148,9 +175,8 @@ class FurtherMetrics:
     """
 
     def __init__(self, metrics: Mapping[str, Options], reference: PointCloud) -> None:
-        self._metrics = {
-            name: METRICS.get(name).of(reference, options) for name, options in metrics.items()
-        }
+        chosen = [(METRICS.get(name), options) for name, options in metrics.items()]
+        self._metrics = [(metric, metric.of(reference, options)) for metric, options in chosen]
 
     def of(self, decoded: PointCloud, columns: Collection[str]) -> dict[str, Any]:
         """Return the values of all metrics of a decoded cloud, by name of their column.
@@ -168,13 +194,8 @@ class FurtherMetrics:
             The name of a value is in `columns` or occurs twice.
         """
         results: dict[str, Any] = {}
-        for name, measured in self._metrics.items():
-            values = measured(decoded)
-            if clash := sorted(values.keys() & {*columns, *results}):
-                raise InputError(
-                    f"metric {name}: the column '{clash[0]}' exists already; rename it"
-                )
-            results |= values
+        for metric, measured in self._metrics:
+            metric.add(results, measured(decoded), columns)
         return results
 
 

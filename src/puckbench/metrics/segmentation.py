@@ -10,12 +10,13 @@ from __future__ import annotations
 import json
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
-from functools import partial
+from functools import cached_property, partial
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from pointkit.confusion import IGNORED, Counts, confusion, mean_iou
 from pointkit.errors import InputError
 from pointkit.geometry.cloud import Floats, PointCloud
 from puckbench.metrics.task_measures import TaskMeasure
@@ -24,10 +25,7 @@ from puckbench.results.columns import HIGHER, LOWER, RUN, TASK, Column
 CODE = ("puckbench.metrics.task_measures",)
 
 Classes = NDArray[np.uint8]
-Counts = NDArray[np.int64]
 Rows = NDArray[np.int64]
-IGNORED = 255
-"""Class of original points that are not judged."""
 WITHIN_M = 0.5
 """Distance, in m, within which a decoded point answers for an original one. The centre of a cell of
 a grid of 500 mm is at most 0.43 m from the points of the cell."""
@@ -45,46 +43,9 @@ WAYS = {
 that coding dropped are missing, and the others are not moved."""
 
 
-def confusion(true: Classes, predicted: NDArray[np.int64], classes: int) -> Counts:
-    """Count points by their true and their predicted class.
-
-    Parameters
-    ----------
-    true
-        True class of each point, (n,); `IGNORED` for points that are not counted.
-    predicted
-        Predicted class of each point, (n,); -1 for points without an answer.
-    classes
-        Number of classes.
-
-    Returns
-    -------
-    array
-        Numbers of points (classes, classes + 1), by true class and predicted class; the last column
-        is for points without an answer.
-    """
-    judged = true != IGNORED
-    columns = np.where(predicted < 0, classes, predicted)[judged]
-    pairs = true[judged].astype(np.int64) * (classes + 1) + columns
-    counts = np.bincount(pairs, minlength=classes * (classes + 1))
-    return counts.reshape(classes, classes + 1).astype(np.int64)
-
-
-def class_ious(counts: Counts) -> Floats:
-    """Return the intersection over union of each class, (classes,), from a confusion matrix.
-
-    The union has the true points of the class, and the points that are predicted as it. Classes
-    without true points have nan.
-    """
-    correct, true = np.diag(counts), counts.sum(axis=1)
-    union = true + counts[:, : len(counts)].sum(axis=0) - correct
-    ious = np.divide(correct, union, out=np.full(len(counts), np.nan), where=true > 0)
-    return np.asarray(ious)
-
-
 def mean_iou_percent(counts: Counts) -> float:
     """Return the mean intersection over union, in %, of the classes that have true points."""
-    return 100 * float(np.nanmean(class_ious(counts)))
+    return 100 * mean_iou(counts)
 
 
 def accuracy_percent(counts: Counts) -> float:
@@ -126,9 +87,12 @@ def kept_points(original: Floats, decoded: Floats) -> Rows:
     If there are as many decoded points as original ones, or more, these are all. Otherwise, each
     decoded point stands for the original point that is nearest to it.
     """
-    if len(decoded) >= len(original):
-        return np.arange(len(original))
-    return np.unique(Answers.of(decoded, original).rows)
+    return _kept(len(original), Answers.of(decoded, original).rows)
+
+
+def _kept(points: int, nearest: Rows) -> Rows:
+    """Return the same as `kept_points`, from the nearest original point of each decoded one."""
+    return np.arange(points) if len(nearest) >= points else np.unique(nearest)
 
 
 Predict = Callable[[Floats, Rows], Classes]
@@ -160,10 +124,14 @@ class JudgedScan:
     predict: Predict
     within_m: float
 
+    @cached_property
+    def _classes(self) -> Classes:
+        """The classes (n,) that the network names for the scan that was not coded."""
+        return self.predict(self.original, np.arange(len(self.original)))
+
     def undecoded(self) -> Counts:
         """Return the confusion matrix of the scan that was not coded."""
-        rows = np.arange(len(self.original))
-        return self._counts(self.true, self.predict(self.original, rows).astype(np.int64))
+        return self._counts(self.true, self._classes.astype(np.int64))
 
     def decoded(self, points: Floats) -> Iterator[tuple[str, Counts]]:
         """Yield the confusion matrices of decoded points (m, 3), by prefix of their columns."""
@@ -172,7 +140,10 @@ class JudgedScan:
         answers = Answers.of(self.original, points, self.within_m)
         yield "", self._counts(self.true, answers.classes(predicted))
         yield "decoded_", self._counts(self.true[nearest], predicted.astype(np.int64))
-        kept = kept_points(self.original, points)
+        kept = _kept(len(self.original), nearest)
+        if len(kept) == len(self.original):
+            yield "dropped_", self.undecoded()
+            return
         unmoved = self.predict(self.original[kept], kept)
         answers = Answers.of(self.original, self.original[kept], self.within_m)
         yield "dropped_", self._counts(self.true, answers.classes(unmoved))

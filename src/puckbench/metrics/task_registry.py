@@ -17,14 +17,11 @@ columns the task is judged (`puckbench.metrics.task_measures`).
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
-from dataclasses import dataclass
-from importlib.util import find_spec
-from inspect import signature
 from typing import Any
 
-from pointkit.errors import InputError
 from pointkit.geometry.cloud import PointCloud
 from pointkit.registry import Registry
+from puckbench.metrics.metric_registry import Measurer
 from puckbench.metrics.task_measures import TaskMeasure
 from puckbench.recordings.drives import Drive
 from puckbench.results.columns import TASK, Columns, declare, declared_by
@@ -32,32 +29,13 @@ from puckbench.results.columns import TASK, Columns, declare, declared_by
 Measure = Callable[..., Mapping[str, Any]]
 
 
-@dataclass(frozen=True)
-class Task:
-    """A registered task: a function that measures how useful decoded turns of a drive are.
+class Task(Measurer):
+    """A registered task: its `measure` is a function of a drive, its decoded turns, and options.
 
-    Parameters
-    ----------
-    name
-        Name under which the task is registered.
-    measure
-        Function that returns results by column name, and contents of files by file name, from a
-        drive, its decoded turns, and options.
-    needs
-        Names of Python modules that the task requires.
-    measures
-        By what the task is judged after coding.
+    It returns results by column name, and contents of files by file name.
     """
 
-    name: str
-    measure: Measure
-    needs: tuple[str, ...] = ()
-    measures: tuple[TaskMeasure, ...] = ()
-
-    @property
-    def missing(self) -> tuple[str, ...]:
-        """The names of required modules that are not installed."""
-        return tuple(name for name in self.needs if find_spec(name) is None)
+    kind = "task"
 
 
 def _registered(
@@ -106,10 +84,8 @@ def task_results(
     """
     results: dict[str, Any] = {}
     for name, options in tasks.items():
-        values = checked_task(name, options).measure(drive, decoded, **options)
-        if clash := sorted(values.keys() & {*columns, *results}):
-            raise InputError(f"task {name}: the column '{clash[0]}' exists already; rename it")
-        results |= values
+        task = checked_task(name, options)
+        task.add(results, task.measure(drive, decoded, **options), columns)
     return results
 
 
@@ -119,8 +95,5 @@ def checked_task(name: str, options: Mapping[str, Any]) -> Task:
     Raises InputError if the task is unknown, or an option is missing or unknown.
     """
     task = TASKS.get(name)
-    try:
-        signature(task.measure).bind(None, (), **options)
-    except TypeError as error:
-        raise InputError(f"task {name}: options: {error}") from error
+    task.check(options)
     return task

@@ -410,7 +410,10 @@ class UserRun:
     def _check_chosen(
         self, plan: Plan, changes: Mapping[str, Options], codecs: Sequence[str]
     ) -> None:
-        """Raise InputError if none of the codecs has a requested rate for the clouds of a frame."""
+        """Raise InputError if none of `codecs` has a requested rate for the clouds of a frame.
+
+        `changes` has the chosen rates by codec. With `strict`, each codec must have one.
+        """
         lacking = [codec for codec in codecs if codec not in changes] if self.strict else []
         for frame in plan.frames:
             offering = [codec for codec in codecs if plan.rates(codec, frame)]

@@ -104,7 +104,10 @@ def _part(
 
 
 def _difference(printed: float, again: float) -> float:
-    """Return how much a value differs from a printed one, after rounding to its decimals."""
+    """Return a value minus a printed one, after the value is rounded as the printed one is.
+
+    That is to the decimals with which the printed value is written, but to at least one.
+    """
     decimals = max(1, len(f"{printed:.6g}".partition(".")[2]))
     return round(round(again, decimals) - printed, decimals) + 0.0
 

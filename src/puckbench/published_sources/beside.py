@@ -45,7 +45,8 @@ CURVE = [
     *("dataset", "published_as", "metric", "origin", "cloud", "codec", "codec_version"),
     *("peak", "points", "frames", "resolution", "machine", "differs"),
 ]
-"""Columns that are equal for all points of a curve, so that no line joins unequal conditions."""
+"""Columns whose values together tell a curve. Points that differ in one of them, such as the peak,
+belong to different curves, so that no line joins points under different conditions."""
 _POINT = ("rate", "bpp", "measured")
 _ATTRIBUTES = {"y_psnr": "colour", "reflectance_psnr": "reflectance"}
 """What a metric of an attribute compares, as in the names of the columns of bits."""

@@ -1,4 +1,4 @@
-"""The registry of sources of published numbers.
+"""The registry of sources of published numbers, i.e. of papers and repositories with results.
 
 A source is a function that returns a table with the columns of `puckbench.published_sources.rows`.
 It usually reads a CSV file beside its module::
@@ -99,5 +99,5 @@ def source_named(name: str) -> Source:
 
 
 def all_sources() -> list[Source]:
-    """Return all registered sources."""
+    """Return all registered sources of published numbers, in the order of their names."""
     return [SOURCES.get(name) for name in SOURCES.names()]

@@ -19,6 +19,7 @@ from pointkit.lidar.return_table import RETURN_COLUMNS, UNKNOWN, ReturnTable
 from pointkit.lidar.sensor import Sensor
 from pointkit.lidar.sensors import load_sensor
 from pointkit.lidar.times import TimeUnit, falls, fault_of, largest_leap, seconds_of, unit_of
+from puckbench.recordings.table_turns import ranks_of_lasers
 
 _READERS = {
     ".csv": read_csv,
@@ -133,7 +134,7 @@ def returns_of_columns(
     table = {
         name: values.get(name, unknown).astype(kind) for name, (kind, *_) in RETURN_COLUMNS.items()
     }
-    rings = np.argsort(np.argsort(device.laser_elevation_deg, kind="stable")).tolist()
+    rings = ranks_of_lasers(device.laser_elevation_deg).tolist()
     return ReturnTable(table, {"sensor": device.name, "rings": rings})
 
 

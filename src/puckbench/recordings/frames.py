@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Iterable, Iterator
-from itertools import chain
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -31,8 +30,14 @@ from puckbench.recordings.export import (
     columns_of_returns,
     export_points,
 )
-from puckbench.recordings.pose_axes import in_axes_of_turns, pairs_apart, walls_of
-from puckbench.recordings.table_turns import ranks, rings_of_table, turn_of_table, whole_turns
+from puckbench.recordings.pose_axes import axes_from_turns
+from puckbench.recordings.table_turns import (
+    ranks,
+    ranks_of_lasers,
+    rings_of_table,
+    turn_of_table,
+    whole_turns,
+)
 from virtual_lidar.scan_returns import frame_poses, sensor_points
 from virtual_lidar.scan_table import ScanTable
 
@@ -152,12 +157,12 @@ def _file(folder: Path, number: int, form: str) -> Path:
 def _poses_of_file(pose_file: PoseFile, seconds: Floats, folder: Path, form: str) -> Floats:
     """Return the poses of a file at the times of the frames in a folder, in their axes."""
     poses = poses_at(pose_file.path, pose_file.origin_s + seconds)
-    pairs, columns = pairs_apart(poses), "4" if form == "bin" else None
-    walls = {
-        number: walls_of(read_cloud(_file(folder, number, form), bin_columns=columns).xyz)
-        for number in {*chain(*pairs)}
-    }
-    matrix, _ = in_axes_of_turns(str(pose_file.path), poses, walls, pairs)
+    columns = "4" if form == "bin" else None
+
+    def points_of(number: int) -> Floats:
+        return read_cloud(_file(folder, number, form), bin_columns=columns).xyz
+
+    matrix, _ = axes_from_turns(str(pose_file.path), poses, points_of)
     return np.asarray(poses @ matrix)
 
 
@@ -252,5 +257,4 @@ def _rings_of_scan(table: ScanTable) -> NDArray[np.uint16]:
     elevations = table.about.get("sensor", {}).get("laser_elevation_deg", ())
     if not len(elevations) > table["laser_id"].max(initial=0):
         return ranks(table["pitch"])
-    order = np.argsort(np.argsort(elevations, kind="stable")).astype(np.uint16)
-    return np.asarray(order[table["laser_id"]])
+    return np.asarray(ranks_of_lasers(elevations)[table["laser_id"]])

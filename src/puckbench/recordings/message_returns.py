@@ -28,9 +28,9 @@ from puckbench.recordings.decoded_clouds import (
 )
 from puckbench.recordings.fitted_lasers import fitted_lasers
 from puckbench.recordings.message_times import MessagePoints, seconds_of_messages, time_field
+from puckbench.recordings.table_turns import MOST_RING
 
 _BATCH = 64
-_MOST_RING = 0xFFFF
 _log = logging.getLogger(__name__)
 
 
@@ -299,5 +299,5 @@ def _rings(numbers: NDArray[Any], ranks: NDArray[np.intp]) -> dict[str, list[int
     """Return the message's number of each laser, if the numbers ascend with the elevation."""
     lasers, first = np.unique(ranks, return_index=True)
     found = numbers[first].astype(np.int64)
-    is_rank = (np.diff(found) > 0).all() and found[0] >= 0 and found[-1] <= _MOST_RING
+    is_rank = (np.diff(found) > 0).all() and found[0] >= 0 and found[-1] <= MOST_RING
     return {"rings": found.tolist()} if is_rank and len(lasers) == lasers[-1] + 1 else {}

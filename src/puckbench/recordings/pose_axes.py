@@ -7,7 +7,8 @@ the right axes, the walls in one turn lie on those in another when the poses bri
 from __future__ import annotations
 
 import logging
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
+from itertools import chain
 from typing import NamedTuple
 
 import numpy as np
@@ -150,6 +151,19 @@ def _walls_apart(
     places = np.einsum("kij,nj->kni", moved[:, :2, :3], points) + moved[:, None, :2, 3]
     distances, _ = tree.query(places, distance_upper_bound=most_m)
     return np.asarray(np.minimum(distances, most_m).mean(axis=1) / most_m)
+
+
+def axes_from_turns(
+    label: str, poses: Floats, points_of: Callable[[int], Floats]
+) -> tuple[Floats, str]:
+    """Return what `in_axes_of_turns` does, from the points of turns.
+
+    `points_of` returns the points (n, 3), in m, of the turn with a number. Only the few turns that
+    are compared are asked for.
+    """
+    pairs = pairs_apart(poses)
+    walls = {number: walls_of(points_of(number)) for number in {*chain(*pairs)}}
+    return in_axes_of_turns(label, poses, walls, pairs)
 
 
 def in_axes_of_turns(

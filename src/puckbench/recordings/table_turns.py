@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -16,7 +17,8 @@ _PACKETS, _WHOLE, _RINGS = "packets", "whole_turns", "rings"
 """Entries in the description of a table: the first in those whose turns are of packets, not
 messages with clouds; the numbers of the first whole turn and of the turn after the last whole one;
 and the ring of each laser. Tables of earlier versions have only the first."""
-_MOST_RING = 0xFFFF
+MOST_RING = 0xFFFF
+"""Largest number of a ring."""
 _log = logging.getLogger(__name__)
 
 
@@ -67,8 +69,16 @@ def ranks(elevations: Floats) -> NDArray[np.uint16]:
     return np.unique(elevations, return_inverse=True)[1].astype(np.uint16)
 
 
+def ranks_of_lasers(elevations: Floats | Sequence[float]) -> NDArray[np.uint16]:
+    """Return the rank of each laser by its elevation, (lasers,), from 0 for the lowest.
+
+    `elevations` (lasers,) are in any unit. Lasers with equal ones are ranked in their order.
+    """
+    return np.argsort(np.argsort(elevations, kind="stable")).astype(np.uint16)
+
+
 def _is_ring(value: Any) -> bool:
-    return isinstance(value, int) and 0 <= value <= _MOST_RING
+    return isinstance(value, int) and 0 <= value <= MOST_RING
 
 
 def turn_of_table(table: ReturnTable, number: int) -> ReturnTable:

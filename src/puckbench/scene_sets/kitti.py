@@ -18,6 +18,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
 from cloud_files.clouds import without_invalid, without_missing
 from cloud_files.float32_frames import check_column_count, float32_rows
@@ -57,6 +58,18 @@ TURNED = np.array([[0.0, 1, 0, 0], [-1, 0, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]])
 """Rotation from axes x right, y forward to x forward, y left."""
 _STEP_DEG = 0.09
 """Resolution of the rotary encoder; firings are two encoder steps apart, sometimes one."""
+
+
+def frame_rows(path: Path) -> NDArray[np.float32]:
+    """Return the rows (n, 4) of a frame's file: x, y, z in m and reflectance, 0 to 1."""
+    data = read_bytes(path)
+    check_column_count(path, data, _COLUMNS)
+    return float32_rows(data, _COLUMNS, path)
+
+
+def cloud_of_rows(rows: NDArray[np.float32]) -> UncheckedCloud:
+    """Return the points of `frame_rows` as a cloud of which no point was dropped."""
+    return UncheckedCloud(rows[:, :3].astype(np.float64), about={"dropped_points": 0})
 
 
 @LOADERS.register("kitti")
@@ -106,10 +119,7 @@ class Kitti(FrameSet):
 
     def read(self, path: Path) -> UncheckedCloud:
         """Return all points of a frame's file, also those that stand for missing returns."""
-        data = read_bytes(path)
-        check_column_count(path, data, _COLUMNS)
-        points = float32_rows(data, _COLUMNS, path)[:, :3].astype(np.float64)
-        return UncheckedCloud(points, about={"dropped_points": 0})
+        return cloud_of_rows(frame_rows(path))
 
     @cached_property
     def _motions(self) -> dict[Path, tuple[Floats | None, Floats | None]]:

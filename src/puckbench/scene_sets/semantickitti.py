@@ -17,12 +17,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from cloud_files.float32_frames import float32_rows
 from pointkit.errors import InputError
 from pointkit.files import read_bytes
 from pointkit.geometry.cloud import UncheckedCloud
 from puckbench.geometry.labels import REMISSION, SEMANTIC_KITTI, described_classes
-from puckbench.scene_sets.kitti import TURNED, Kitti
+from puckbench.scene_sets.kitti import TURNED, Kitti, cloud_of_rows, frame_rows
 from puckbench.scene_sets.registry import LOADERS
 from puckbench.scene_sets.scene import Scene
 
@@ -75,10 +74,10 @@ class SemanticKitti(Kitti):
         return labelled
 
     def read(self, path: Path) -> UncheckedCloud:
-        cloud = super().read(path)
-        light = float32_rows(read_bytes(path), 4, path)[:, 3].astype(np.float64)
-        labels = read_labels(label_file(path), len(cloud))
-        return replace(cloud, labels=labels, fields={REMISSION: light})
+        rows = frame_rows(path)
+        light = {REMISSION: rows[:, 3].astype(np.float64)}
+        labels = read_labels(label_file(path), len(rows))
+        return replace(cloud_of_rows(rows), labels=labels, fields=light)
 
     def load(self, name: str) -> Scene:
         scene = super().load(name)

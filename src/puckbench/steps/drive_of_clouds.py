@@ -15,7 +15,7 @@ from pointkit.lidar.turns import elapsed
 from puckbench.core.code import MESH_FILES, SENSOR
 from puckbench.recordings.drive_poses import extended, poses_of_file
 from puckbench.recordings.drives import UNDECODED_POSES, Drive, check_times, turn_of, write_drive
-from puckbench.recordings.pose_axes import in_axes_of_turns, pairs_apart, walls_of
+from puckbench.recordings.pose_axes import axes_from_turns
 from puckbench.recordings.timed_clouds import TimedClouds, timed_clouds
 from puckbench.scene_sets.loader_code import loader_modules
 from puckbench.scene_sets.registry import open_scene_set
@@ -135,9 +135,7 @@ class DriveOfClouds(LoaderSettings, Step):
 def _with_axes_of_turns(drive: Drive, path: str) -> Drive:
     """Return a drive whose poses, which are those of a file, have the axes of its turns."""
     poses = drive.poses_at(0.5)
-    pairs = pairs_apart(poses)
-    walls = {number: walls_of(drive.turns[number].xyz) for pair in pairs for number in pair}
-    matrix, remark = in_axes_of_turns(path, poses, walls, pairs)
+    matrix, remark = axes_from_turns(path, poses, lambda number: drive.turns[number].xyz)
     about = {**drive.about, "poses": f"{drive.about['poses']}: {remark}"} if remark else drive.about
     return replace(drive, poses=drive.poses @ matrix, about=about)
 

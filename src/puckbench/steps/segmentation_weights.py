@@ -21,8 +21,6 @@ from puckbench.steps.step import STEPS, Paths, PlannedStep, Step, planned
 
 if TYPE_CHECKING:
     from lidar_segmentation import LabelledScan, SegmentationTraining
-    from lidar_segmentation.network import SegmentationModule
-    from pcc_networks.training.loop import BaseTrainer
     from puckbench.planning.workflow import Workflow
 
 CODE = (
@@ -102,13 +100,13 @@ class TrainSegmentation(Step):
         training = open_segmentation_training(self.options)
         from pcc_networks.training.loop import train
         from puckbench.steps.segmentation_trainer import segmentation_trainer
-        from puckbench.steps.training_log import TrainingLog
+        from puckbench.steps.training_log import TrainingLog, resume
 
         examples = training.examples([read_labelled(path, training.labels) for path in clouds])
         trainer = segmentation_trainer(training, examples)
         checkpoint = weights.with_suffix(".pt")
         trainer.identity = {"data": [sha256(path) for path in clouds], "code": self.code or ""}
-        self._resume(trainer, checkpoint)
+        resume(trainer, checkpoint, anew=self.code is not None)
         print(f"{training.steps} steps on {len(clouds)} clouds", file=sys.stderr)  # noqa: T201
         curve = TrainingLog(trainer, weights.with_suffix(".csv"), self.every)
         train(trainer, examples.batch, checkpoint, self.every, curve.note)
@@ -124,17 +122,6 @@ class TrainSegmentation(Step):
             training.export(weights, trainer.model, card)
         write_json(weights.with_suffix(".json"), card)
         return card
-
-    def _resume(self, trainer: BaseTrainer[SegmentationModule, float], checkpoint: Path) -> None:
-        from pcc_networks.training.loop import OtherTrainingError
-
-        if checkpoint.exists():
-            try:
-                trainer.resume(checkpoint)
-            except OtherTrainingError:
-                if self.code is None:
-                    raise
-                checkpoint.unlink()
 
 
 def read_labelled(path: Path, labels: str) -> LabelledScan:

@@ -16,6 +16,27 @@ _DIGITS = 5
 _SECONDS_BETWEEN_LINES = 20.0
 
 
+def resume(trainer: BaseTrainer[Any, Any], checkpoint: Path, anew: bool) -> None:
+    """Continue a training from its checkpoint, if there is one.
+
+    The checkpoint of another training, such as one with other code, is deleted if `anew` is true.
+    Otherwise, `OtherTrainingError` is raised.
+    """
+    from pcc_networks.training.loop import OtherTrainingError
+
+    if not checkpoint.exists():
+        return
+    try:
+        trainer.resume(checkpoint)
+    except OtherTrainingError:
+        if not anew:
+            raise
+        checkpoint.unlink()
+    else:
+        text = f"{checkpoint}: going on after step {trainer.done}"
+        print(text, file=sys.stderr)  # noqa: T201
+
+
 class TrainingLog:
     """Records the losses of a training in a CSV file, and prints the progress.
 

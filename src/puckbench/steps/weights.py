@@ -126,14 +126,14 @@ class Train(CodecStep, ValidationSettings):
         """
         require_networks()
         from pcc_networks.training.loop import train
-        from puckbench.steps.training_log import TrainingLog
+        from puckbench.steps.training_log import TrainingLog, resume
 
         self._check_entry()
         training = open_training(self.codec, self.entry, self.options)
         checkpoint = weights.with_suffix(".pt")
         with training.trainer() as trainer:
             self._begin(trainer, training, clouds)
-            self._resume(trainer, checkpoint)
+            resume(trainer, checkpoint, anew=self.code is not None)
             _say(f"{training.steps} steps on cubes of {len(clouds)} prepared clouds")
             examples = training.examples([_voxels(path) for path in clouds])
             curve = TrainingLog(trainer, weights.with_suffix(".csv"), self.every)
@@ -180,19 +180,6 @@ class Train(CodecStep, ValidationSettings):
             start = weights_file(self.start)
             training.begin(trainer.model, start)
             trainer.identity["start"] = sha256(start)
-
-    def _resume(self, trainer: BaseTrainer[Any, Any], checkpoint: Path) -> None:
-        from pcc_networks.training.loop import OtherTrainingError
-
-        if checkpoint.exists():
-            try:
-                trainer.resume(checkpoint)
-            except OtherTrainingError:
-                if self.code is None:
-                    raise
-                checkpoint.unlink()
-            else:
-                _say(f"{checkpoint}: going on after step {trainer.done}")
 
     def _measured(
         self, training: BaseTraining, weights: Path, validate: Sequence[Path]

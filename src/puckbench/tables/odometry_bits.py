@@ -1,6 +1,6 @@
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Iterable, Mapping
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -55,18 +55,36 @@ def odometry_bits(drives: pd.DataFrame, margins: Mapping[str, float] | None = No
     )
 
 
+def lowest_sufficient(curve: pd.DataFrame, verdicts: Collection[str]) -> pd.Series[Any] | None:
+    """Return the row of the lowest rate that, like all higher ones, has one of some verdicts.
+
+    `curve` has a row for each rate, in ascending order of bits. The result is None without such a
+    rate.
+    """
+    suffices = curve["verdict"].isin(verdicts).to_numpy()
+    kept = np.flatnonzero(np.logical_and.accumulate(suffices[::-1])[::-1])
+    return curve.iloc[kept[0]] if len(kept) else None
+
+
+def values_at(rate: pd.Series[Any] | None, columns: Iterable[str]) -> dict[str, Any]:
+    """Return the values of a row of `lowest_sufficient` in some columns; empty ones if it is None.
+
+    Empty is a text without characters in the column ``rate``, and otherwise nan.
+    """
+    if rate is None:
+        return {name: "" if name == "rate" else np.nan for name in columns}
+    return {name: rate[name] for name in columns}
+
+
 def _of_codec(rows: pd.DataFrame) -> dict[str, Any]:
     curve = rows.sort_values("bits", ignore_index=True)
-    suffices = curve["verdict"].isin([BETTER, NOT_WORSE, WITHIN]).to_numpy()
-    kept = np.flatnonzero(np.logical_and.accumulate(suffices[::-1])[::-1])
-    first = curve.iloc[kept[0]] if len(kept) else None
+    first = lowest_sufficient(curve, (BETTER, NOT_WORSE, WITHIN))
     lowest = curve.iloc[0]
     verdict = WITHIN if curve["verdict"].isin([WITHIN, BEYOND]).any() else NOT_WORSE
     if lowest["verdict"] == NO_VERDICT:
         verdict = NO_VERDICT
     elif first is None:
         verdict = NONE_SUFFICES
-    empty = {name: "" if name == "rate" else np.nan for name in _OF_RATE}
     return {
         "measure": lowest["measure"],
         "unit": lowest["unit"],
@@ -74,6 +92,6 @@ def _of_codec(rows: pd.DataFrame) -> dict[str, Any]:
         "undecoded": float(lowest["undecoded"]),
         "margin": float(lowest["margin"]),
         "verdict": verdict,
-        **(empty if first is None else {name: first[name] for name in _OF_RATE}),
+        **values_at(first, _OF_RATE),
         "poses": lowest["poses"],
     }

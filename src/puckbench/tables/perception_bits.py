@@ -3,10 +3,8 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
 from puckbench.metrics.statistics import BETTER, NO_VERDICT, NOT_WORSE
-from puckbench.tables.odometry_bits import NONE_SUFFICES
+from puckbench.tables.odometry_bits import NONE_SUFFICES, lowest_sufficient, values_at
 from puckbench.tables.perception_losses import perception_losses
 from puckbench.tables.registry import PERCEPTION, TABLES
 
@@ -56,14 +54,11 @@ def bits_needed(losses: pd.DataFrame) -> pd.DataFrame:
 
 def _of_curve(rows: pd.DataFrame) -> dict[str, Any]:
     curve = rows.sort_values("bits", ignore_index=True)
-    suffices = curve["verdict"].isin([BETTER, NOT_WORSE]).to_numpy()
-    kept = np.flatnonzero(np.logical_and.accumulate(suffices[::-1])[::-1])
-    first = curve.iloc[kept[0]] if len(kept) else None
+    first = lowest_sufficient(curve, (BETTER, NOT_WORSE))
     lowest = curve.iloc[0]
     verdict = NOT_WORSE if first is not None else NONE_SUFFICES
     if (curve["verdict"] == NO_VERDICT).all():
         verdict = NO_VERDICT
-    empty = {name: "" if name == "rate" else np.nan for name in _OF_RATE}
     return {
         "task_title": lowest["task_title"],
         "sensor": lowest["sensor"],
@@ -73,6 +68,6 @@ def _of_curve(rows: pd.DataFrame) -> dict[str, Any]:
         "undecoded": float(lowest["undecoded"]),
         "margin": float(lowest["margin"]),
         "verdict": verdict,
-        **(empty if first is None else {name: first[name] for name in _OF_RATE}),
+        **values_at(first, _OF_RATE),
         "most_bits": float(curve["bits"].iloc[-1]),
     }

@@ -90,7 +90,7 @@ def perception_losses(
 
 
 def declared_measures() -> tuple[TaskMeasure, ...]:
-    """Return the measures of all installed metrics and tasks, with their own margins."""
+    """Return the measures of all registered metrics and tasks, with the margins they declare."""
     of_metrics = (METRICS.get(name).measures for name in METRICS.names())
     of_tasks = (TASKS.get(name).measures for name in TASKS.names())
     return tuple(chain.from_iterable((*of_metrics, *of_tasks)))
@@ -105,7 +105,10 @@ def _measure(values: Mapping[str, Any]) -> TaskMeasure:
 
 
 def _sensors(clouds: pd.DataFrame | None) -> dict[str, str]:
-    """Return the names of the sensors of each data set, as far as they are known."""
+    """Return the sensors of each data set, by its name, as text such as "hdl32e, vlp16".
+
+    Data sets whose clouds name no sensor are left out.
+    """
     if clouds is None or "sensor" not in clouds:
         return {}
     known = clouds[clouds["sensor"].notna()]

@@ -6,12 +6,12 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from pointkit.confusion import class_ious
 from pointkit.errors import InputError
 from puckbench.metrics.segmentation import (
     PREFIXES,
     WAYS,
     accuracy_percent,
-    class_ious,
     confusion_of,
     mean_iou_percent,
 )

@@ -7,19 +7,16 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from pointkit.confusion import IGNORED, Counts, class_ious, confusion
 from pointkit.errors import InputError
 from pointkit.geometry.cloud import Floats, PointCloud
 from puckbench.geometry.labels import OF_SCENE, described_classes
 from puckbench.metrics.metric_registry import further_metrics
 from puckbench.metrics.segmentation import (
-    IGNORED,
     Classes,
-    Counts,
     JudgedScan,
     Rows,
     accuracy_percent,
-    class_ious,
-    confusion,
     confusion_of,
     kept_points,
     mean_iou_percent,

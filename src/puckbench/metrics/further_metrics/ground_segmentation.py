@@ -19,10 +19,11 @@ from numpy.typing import NDArray
 from pointkit.errors import InputError
 from pointkit.geometry.cloud import Floats, PointCloud
 from puckbench.metrics.metric_registry import METRICS
+from puckbench.metrics.segmentation import Answers
 from puckbench.metrics.task_measures import TaskMeasure
 from puckbench.results.columns import HIGHER, LOWER, RUN, TASK, Column
 
-CODE = ("puckbench.geometry.labels",)
+CODE = ("puckbench.geometry.labels", "puckbench.metrics.segmentation")
 
 GROUND = frozenset(
     {
@@ -134,18 +135,13 @@ class GroundSegmentation:
 
         They are empty for scaled clouds.
         """
-        from scipy.spatial import KDTree
-
         if self._is_scaled:
             return {}
         points = decoded.xyz - self._sensor
         is_ground = ground_points(points, self._height_m, self._max_range_m)
-        distance, nearest = KDTree(points).query(self._points, distance_upper_bound=self._reach_m)
-        is_answered = np.isfinite(distance)
-        answer = np.zeros(len(self._points), np.bool_)
-        answer[is_answered] = is_ground[np.asarray(nearest)[is_answered]]
+        nearest, is_answered = Answers.of(self._points, points, self._reach_m)
         return {
-            **self._scores(answer, is_answered),
+            **self._scores(is_ground[nearest] & is_answered, is_answered),
             "ground_unanswered_percent": 100 * float(np.mean(~is_answered)),
             **self._undecoded,
             "ground_reach_m": self._reach_m,

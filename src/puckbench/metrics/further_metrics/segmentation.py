@@ -6,12 +6,12 @@ from typing import Any
 
 import numpy as np
 
+from pointkit.confusion import IGNORED
 from pointkit.errors import InputError
 from pointkit.geometry.cloud import Floats, PointCloud
 from puckbench.geometry.labels import REMISSION, class_labels
 from puckbench.metrics.metric_registry import METRICS
 from puckbench.metrics.segmentation import (
-    IGNORED,
     PREFIXES,
     WITHIN_M,
     Classes,
@@ -54,7 +54,10 @@ def _folder(weights: str = "", **_: Any) -> Iterable[Path]:
     memory_mb=_MEMORY_MB,
 )
 class Segmentation(SegmentationMetric):
-    """Semantic segmentation of decoded scans by our own network (`lidar_segmentation`).
+    """Name the class of each decoded point by a network of `lidar_segmentation`, and judge it.
+
+    The metric judges every point of the original scan, by its label and by the class of the decoded
+    point that answers for it (`puckbench.metrics.segmentation`).
 
     Parameters
     ----------

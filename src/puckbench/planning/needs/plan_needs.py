@@ -118,9 +118,10 @@ def several_noises(plan: Plan) -> Options | None:
 
 @NEEDS.register("published")
 def published_datasets(plan: Plan) -> Options | None:
-    """Require that a coded data set has the key ``published``, and the run uses no stand-ins.
+    """Require a data set with the key ``published`` that a codec encodes, in a run on real data.
 
-    Tables get the names of the published data sets.
+    Tables get the published name of each such data set. A run that replaces data by generated
+    stand-ins has no such table.
     """
     from puckbench.published_sources.beside import published_names
     from puckbench.published_sources.registry import all_sources
