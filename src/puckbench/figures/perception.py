@@ -57,6 +57,7 @@ def draw_perception(perception_losses: pd.DataFrame, style: FigureStyle) -> Figu
     figure = Figure(figsize=(width, _PANEL_IN * len(tasks) + _AROUND_IN))
     grid = figure.subplots(len(tasks), len(names), sharex="all", sharey="row", squeeze=False)
     limits = fitted_limits(rows["bits"].to_numpy(float), (0.1, 30.0))
+    lowest: dict[str, Axes] = {}
     for line, task in zip(grid, tasks, strict=True):
         of_task = rows[rows["task"] == task]
         set_losses(line[0], of_task, ["low", "high", "least", "most", "loss"])
@@ -67,6 +68,7 @@ def draw_perception(perception_losses: pd.DataFrame, style: FigureStyle) -> Figu
             if panel.empty:
                 axes.set_axis_off()
                 continue
+            lowest[name] = axes
             _draw_panel(axes, panel, style)
             title = f"{style.title(name)} (n = {panel['scenes'].max()})"
             set_title(axes, title, len(names), style)
@@ -74,6 +76,8 @@ def draw_perception(perception_losses: pd.DataFrame, style: FigureStyle) -> Figu
                 axes.set_ylabel(f"{panel['task_title'].iloc[0]}:\nloss ({panel['unit'].iloc[0]})")
                 axes.tick_params(labelleft=True)
                 first = False
+    for axes in lowest.values():  # there may be no panel below
+        axes.tick_params(labelbottom=True)
     figure.supxlabel(f"Bits per point or return, {BETTER}", fontsize=style.font_size)
     add_fitting_legend(figure, _handles(rows, style), style)
     return figure
