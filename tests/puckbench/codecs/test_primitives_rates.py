@@ -75,8 +75,8 @@ def test_bits_grow_in_steps_below_3_and_distances_fall(name: str) -> None:
     steps = curve[1:] / curve[:-1]
     assert steps[:, 0].min() > 1
     assert steps[:, 0].max() < 3
-    # More points of a surface lie between the lines of a clean scan.
-    assert (steps[:, 1] < 1.08).all()
+    # Decoded points of a finer rate may lie further between the points that were coded.
+    assert (steps[:, 1] < 1.1).all()
     assert (steps[:, 2] < 1).all()
 
 
