@@ -27,6 +27,8 @@ _MAX_VALUES = 4096
 _MAX_HEADER_BYTES = 1 << 16
 _MAX_COMPRESSION = 100
 """Limit of the compression ratio; LZF compresses 264 bytes to three at best."""
+_PAGE = 4096
+"""Bytes of a page of memory. PCL writes binary files as if the header filled one."""
 _log = logging.getLogger(__name__)
 _HEADER_DAMAGE = (KeyError, IndexError, ValueError, TypeError, OverflowError)
 _GAP = re.compile(r"_\d+")
@@ -140,10 +142,17 @@ def _rows(body: bytes, form: str, kind: np.dtype[Any], points: int) -> NDArray[A
     if form == "ascii":
         return _ascii_rows(body, kind)
     if form == "binary":
-        return np.frombuffer(body[: len(body) // kind.itemsize * kind.itemsize], kind)
+        held = _without_padding(body, points * kind.itemsize)
+        return np.frombuffer(held[: len(held) // kind.itemsize * kind.itemsize], kind)
     if form == "binary_compressed":
         return _compressed_rows(body, kind, points)
     raise InputError(f"PCD data of the form {form}, not ascii, binary or binary_compressed")
+
+
+def _without_padding(body: bytes, size: int) -> bytes:
+    """Return the data without zeros after it, with which PCL fills up the header's page."""
+    is_padded = 0 < size < len(body) < size + _PAGE and not any(body[size:])
+    return body[:size] if is_padded else body
 
 
 def _ascii_rows(body: bytes, kind: np.dtype[Any]) -> NDArray[Any]:

@@ -15,7 +15,7 @@ from collections.abc import Mapping
 from dataclasses import replace
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -79,7 +79,8 @@ class Kitti(FrameSet):
     The folder is that of the object benchmark, odometry benchmark or raw drives. Scenes are named
     training_000000 (part and frame) and grouped by part. Intensity is ignored. The option `returns`
     converts each frame to the sensor's returns (x right, y forward): laser, encoder step, and range
-    in steps of 2 mm. They reproduce the points to about 1 mm. An odometry frame has a pose if
+    in steps of 2 mm. They reproduce the points to about 1 mm, but those of odometry frames, which
+    are corrected for the car's motion, only to centimetres. An odometry frame has a pose if
     ``poses/00.txt`` is beside ``sequences``, or ``poses.txt`` (SemanticKITTI) in the sequence's
     folder, and a time if ``times.txt`` is there.
     """
@@ -90,6 +91,9 @@ class Kitti(FrameSet):
         "expected KITTI, with training/velodyne, sequences/00/velodyne or "
         "<date>/<drive>/velodyne_points/data; registration at cvlibs.net/datasets/kitti"
     )
+
+    collection: ClassVar[str] = "KITTI"
+    """Name of the collection of frames, for descriptions of scenes."""
 
     parts: tuple[str, ...] | None = None
     """Names of parts to keep (training, 00, 2011_09_26_drive_0001_sync); all by default."""
@@ -105,7 +109,7 @@ class Kitti(FrameSet):
             cloud = without_missing(cloud, missing_returns(cloud.xyz), path)
         xyz, part = cloud.xyz, _part_of(name)
         check_points(xyz, str(path))
-        about = self.about(f"KITTI {part}/{path.name}", **cloud.about)
+        about = self.about(f"{self.collection} {part}/{path.name}", **cloud.about)
         pose, time_s = self._motion(path)
         if self.returns:
             with naming(path):

@@ -1,4 +1,4 @@
-"""Download of published files from GitHub: weights of networks, and recordings.
+"""Download of published files from GitHub: weights of networks, recordings, and turns of drives.
 
 Tables (.yaml) beside this module list the files, with commits and hashes.
 """
@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from pointkit.errors import InputError, naming
+from pointkit.files import read_bytes
 from pointkit.yaml_files import read_yaml
 
 HOST = "https://raw.githubusercontent.com"
@@ -27,6 +28,10 @@ TABLES = {
     PCGC: "published_weights.yaml",
     "reno_weights": "reno_weights.yaml",
     "ouster_recordings": "ouster_recordings.yaml",
+    "sfnd_lidar_1": "sfnd_lidar_1.yaml",
+    "sfnd_lidar_2": "sfnd_lidar_2.yaml",
+    "sfnd_tracking": "sfnd_tracking.yaml",
+    "inter_lpcm_turns": "inter_lpcm_turns.yaml",
 }
 
 
@@ -58,10 +63,39 @@ def download(
         The tar archive with the files.
     """
     table = table or published(name)
+    return _packed(folder, name, table, partial(_fetch, host, table["repositories"]))
+
+
+def from_clone(
+    folder: Path, clone: Path, table: Mapping[str, Any] | None = None, name: str = PCGC
+) -> Path:
+    """Take published files from a clone of their repository, and check all hashes.
+
+    Parameters
+    ----------
+    folder
+        Folder in which the archive is written.
+    clone
+        Folder of the clone, or of several clones with the names of their repositories.
+    table, name
+        As for `download`.
+
+    Returns
+    -------
+    Path
+        The tar archive with the files.
+    """
+    table = table or published(name)
+    return _packed(folder, name, table, partial(_of_clone, clone, table["repositories"]))
+
+
+def _packed(
+    folder: Path, name: str, table: Mapping[str, Any], fetch: Callable[[str], bytes]
+) -> Path:
     package = folder / f"{name}.tar"
     with tarfile.open(package, "w") as archive:
         for file, entry in table["files"].items():
-            content = _file(file, entry, partial(_fetch, host, table["repositories"]), table)
+            content = _file(file, entry, fetch, table)
             member = tarfile.TarInfo(file)
             member.size = len(content)
             archive.addfile(member, io.BytesIO(content))
@@ -71,10 +105,12 @@ def download(
 def _file(
     name: str, entry: Mapping[str, Any], fetch: Callable[[str], bytes], table: Mapping[str, Any]
 ) -> bytes:
-    parts = [fetch(place) for place in entry["from"]]
+    parts = [fetch(place) for place in entry.get("from") or [f"{table['within']}/{name}"]]
     if "git" in entry and [_git_name(part) for part in parts] != entry["git"]:
         raise InputError(f"{name}: the repository's content differs from the published one")
     content = parts[0] if len(parts) == 1 else _archive(name, parts, table["order"])
+    if len(content) != entry.get("bytes", len(content)):
+        raise InputError(f"{name} has {len(content)} bytes, not the expected {entry['bytes']}")
     digest = hashlib.sha256(content).hexdigest()
     if digest != entry.get("sha256", digest):
         raise InputError(f"{name} has the SHA-256 {digest}, not the expected {entry['sha256']}")
@@ -82,6 +118,7 @@ def _file(
 
 
 def _fetch(host: str, repositories: Mapping[str, str], place: str) -> bytes:
+    from http.client import HTTPException
     from urllib.error import URLError
     from urllib.request import urlopen
 
@@ -90,10 +127,21 @@ def _fetch(host: str, repositories: Mapping[str, str], place: str) -> bytes:
     try:
         with urlopen(address, timeout=_TIMEOUT_S) as answer:  # noqa: S310 (the host is ours)
             content: bytes = answer.read(_MAX_BYTES)
-    except (URLError, OSError) as error:
+    except (URLError, OSError, HTTPException) as error:
         reason = getattr(error, "reason", error)
         raise InputError(f"{address} cannot be fetched ({reason})") from error
     return content
+
+
+def _of_clone(clone: Path, repositories: Mapping[str, str], place: str) -> bytes:
+    repository, _, path = place.partition("/")
+    owner, project, commit = repositories[repository].split("/")
+    files = (clone / project / path, clone / path)
+    file = next(filter(Path.is_file, files), None)
+    if file is None:
+        expected = f"expected a clone of github.com/{owner}/{project} at {commit[:8]}"
+        raise InputError(f"{clone}: no file {path} ({expected})")
+    return read_bytes(file)
 
 
 def _git_name(content: bytes) -> str:

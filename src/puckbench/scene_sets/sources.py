@@ -18,16 +18,25 @@ from puckbench.scene_sets.sweethome3d import SweetHome3D
 _TIMEOUT_S = 900
 _SEM, _SH3F = "@iwer/sem@2.4.0", "sweethome3d-furniture"
 _FAULT_LINE = re.compile(r"^(?:E:|npm (?:ERR!|error))\s*(.*\S)", re.MULTILINE)
+_OF_KITTI = "(not commercial: CC BY-NC-SA 3.0, see CREDITS.md)"
+_TERMS = {
+    "sfnd_lidar_1": _OF_KITTI,
+    "sfnd_lidar_2": _OF_KITTI,
+    "sfnd_tracking": _OF_KITTI,
+    "inter_lpcm_turns": _OF_KITTI,
+}
 
 
 @dataclass(frozen=True)
 class PackageSource:
-    """A description of a published data set that can be downloaded as a package of npm or Debian.
+    """A description of a published data set: a package of npm or Debian, or files from GitHub.
 
     `download` puts the package into a folder and returns the package's path. `members` is the
     pattern of members to extract. `hashes` are SHA-256 by file name, or None if `download` checks
     hashes. A wrong hash is an error if `pinned`, else a warning. `credits` returns credits from the
-    extracted folder.
+    extracted folder. `from_clone` makes the same package, in the folder that is its first argument,
+    from a clone of the repository. `keeps_folders`: whether files stay in the package's folders.
+    `terms` are the conditions of use to tell, if they are narrow.
     """
 
     download: Callable[[Path], Path]
@@ -37,6 +46,9 @@ class PackageSource:
     pinned: bool
     credits: Callable[[Path], str]
     by_default: bool = True
+    from_clone: Callable[[Path, Path], Path] | None = None
+    keeps_folders: bool = False
+    terms: str = ""
 
 
 def _downloaded(command: Sequence[str], pattern: str, purpose: str, folder: Path) -> Path:
@@ -97,11 +109,14 @@ def _published(name: str) -> PackageSource:
     return PackageSource(
         download=partial(published_files.download, name=name),
         unpack=tarfile.open,
-        members=re.compile(r"[\w.-]+"),
+        members=re.compile(r"(?:\w[\w.-]*/)*\w[\w.-]*"),
         hashes=None,
         pinned=True,
         credits=partial(published_files.credits_text, name),
         by_default=False,
+        from_clone=partial(published_files.from_clone, name=name),
+        keeps_folders=True,
+        terms=_TERMS.get(name, ""),
     )
 
 

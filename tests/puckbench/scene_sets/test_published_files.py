@@ -3,11 +3,9 @@
 import hashlib
 import io
 import re
-import threading
 from collections.abc import Iterator
 from dataclasses import replace
 from functools import partial
-from http.server import SimpleHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
 from typing import Any
 
@@ -21,6 +19,7 @@ from puckbench.codecs.registry import open_codec
 from puckbench.codecs.weights_label import weights_label
 from puckbench.scene_sets import published_files
 from puckbench.scene_sets.sources import SOURCES
+from tests.support.file_server import served_files
 from tests.support.tensorflow_checkpoint import checkpoint
 
 VARIABLES = {"b": np.arange(3.0), "c": np.ones((2, 2)), "a": np.zeros(1)}
@@ -33,24 +32,11 @@ RATES = {
 RENO_SETS = ("KITTIDetection", "SemanticKITTI", "Ford")
 
 
-class Silent(SimpleHTTPRequestHandler):
-    def log_message(self, *_: Any) -> None:
-        """Say nothing."""
-
-
 @pytest.fixture
 def server(tmp_path: Path) -> Iterator[tuple[str, Path]]:
     """Address and folder of a server on this machine."""
-    folder = tmp_path / "served"
-    folder.mkdir()
-    handler = partial(Silent, directory=str(folder))
-    running = ThreadingHTTPServer(("127.0.0.1", 0), handler)
-    thread = threading.Thread(target=running.serve_forever)
-    thread.start()
-    yield f"http://127.0.0.1:{running.server_address[1]}", folder
-    running.shutdown()
-    thread.join()
-    running.server_close()
+    with served_files(tmp_path / "served") as address:
+        yield address, tmp_path / "served"
 
 
 def _sha256(content: bytes) -> str:

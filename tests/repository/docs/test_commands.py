@@ -61,6 +61,7 @@ NOT_TRIED = {
 DATA = {
     "config/capod.yaml": "CAPOD",
     "config/real.yaml": "what `make data` fetches",
+    "config/real_drives.yaml": "what `puckbench data` fetches",
     "config/thesis.yaml": "licensed data",
 }
 
