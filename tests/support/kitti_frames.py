@@ -38,5 +38,3 @@ def as_kitti(returns: Returns) -> bytes:
     rows = np.lexsort([azimuth, -lasers])
     table = np.column_stack([y, -x, z, np.zeros(len(x))])[rows]
     return np.round(table, 3).astype("<f4").tobytes()
-
-

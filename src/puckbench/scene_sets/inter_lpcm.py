@@ -95,9 +95,13 @@ def read_matrix(path: Path) -> Floats:
     """
     values = np.frombuffer(data, "<f4") if len(data := read_bytes(path)) == 64 else np.zeros(16)
     matrix: Floats = values.astype(np.float64).reshape(4, 4)
-    turned = matrix[:3, :3]
-    is_rotation = np.abs(turned @ turned.T - np.eye(3)).max() < _TOLERANCE
-    is_rotation &= np.linalg.det(turned) > 0
-    if not (np.isfinite(matrix).all() and is_rotation and (matrix[3] == [0, 0, 0, 1]).all()):
+    if not (np.isfinite(matrix).all() and _is_motion(matrix)):
         raise InputError(f"{path}: not a matrix of a motion (16 values of float32)")
     return matrix
+
+
+def _is_motion(matrix: Floats) -> bool:
+    turned = matrix[:3, :3]
+    is_orthogonal = np.abs(turned @ turned.T - np.eye(3)).max() < _TOLERANCE
+    is_turned = is_orthogonal and np.linalg.det(turned) > 0
+    return bool(is_turned and (matrix[3] == [0, 0, 0, 1]).all())
