@@ -164,7 +164,8 @@ def _recovered(xyz: Floats) -> RecoveredReturns:
     from puck.recordings.rings import recovered_returns, split_rings
 
     turned = np.column_stack([-xyz[:, 1], xyz[:, 0], xyz[:, 2]])
-    rings = split_rings(np.mod(np.arctan2(xyz[:, 1], xyz[:, 0]), 2 * np.pi))
+    azimuths = np.arctan2(xyz[:, 1], xyz[:, 0])
+    rings = split_rings(azimuths + 2 * np.pi * np.signbit(azimuths))  # -0.0 ends a ring
     if len(rings) != _RINGS:
         fault = "not a whole frame in its own order, from which returns can be recovered"
         raise InputError(f"{len(rings)} rings, not {_RINGS}: {fault}")

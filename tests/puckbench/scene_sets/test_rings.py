@@ -52,6 +52,17 @@ def test_the_lasers_of_kitti_s_frames_are_found_from_points(tmp_path: Path) -> N
     assert np.abs(image[rows] - expected).max() <= 1
 
 
+def test_a_ring_may_end_just_before_a_whole_turn(tmp_path: Path) -> None:
+    """A small negative y is rounded to -0.0, so the point belongs to the ring that ends there."""
+    table = np.frombuffer(as_kitti(hdl64(100)), "<f4").reshape(-1, 4).copy()
+    last = table[-1]
+    last[:2] = [np.hypot(last[0], last[1]), -0.0]
+    assert of_kitti(tmp_path, table.tobytes()).returns is not None
+    last[1] = 0.0
+    with pytest.raises(InputError, match=r"000000\.bin: 65 rings, not 64"):
+        of_kitti(tmp_path, table.tobytes())
+
+
 def test_recovered_returns_survive_files_and_streams(tmp_path: Path) -> None:
     result = of_kitti(tmp_path, as_kitti(hdl64(100))).returns
     assert result is not None
