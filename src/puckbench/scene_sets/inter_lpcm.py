@@ -27,6 +27,7 @@ from puckbench.scene_sets.scene import Scene
 CODE = ("puckbench.scene_sets.kitti",)
 
 _PART, _PUBLISHED = "test", 20
+_MATRIX_BYTES = 64
 _TOLERANCE = 1e-3
 """Largest deviation of a rotation's rows from a right angle and from length 1."""
 
@@ -93,14 +94,17 @@ def read_matrix(path: Path) -> Floats:
 
     Raises InputError if the file is not such a matrix: a rotation and a translation.
     """
-    values = np.frombuffer(data, "<f4") if len(data := read_bytes(path)) == 64 else np.zeros(16)
+    data = read_bytes(path)
+    values = np.frombuffer(data, "<f4") if len(data) == _MATRIX_BYTES else np.zeros(16)
     matrix: Floats = values.astype(np.float64).reshape(4, 4)
-    if not (np.isfinite(matrix).all() and _is_motion(matrix)):
+    if not _is_motion(matrix):
         raise InputError(f"{path}: not a matrix of a motion (16 values of float32)")
     return matrix
 
 
 def _is_motion(matrix: Floats) -> bool:
+    if not np.isfinite(matrix).all():
+        return False
     turned = matrix[:3, :3]
     is_orthogonal = np.abs(turned @ turned.T - np.eye(3)).max() < _TOLERANCE
     is_turned = is_orthogonal and np.linalg.det(turned) > 0

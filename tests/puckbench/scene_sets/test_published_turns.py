@@ -22,7 +22,7 @@ from puckbench.scene_sets.inter_lpcm import InterLpcm
 from puckbench.scene_sets.kitti import Kitti
 from puckbench.scene_sets.sfnd_lidar import SfndLidar
 from puckbench.scene_sets.sources import SOURCES
-from tests.support.file_server import served_files
+from tests.support.file_server import served_answer, served_files
 from tests.support.files import put
 from tests.support.kitti_frames import as_kitti, hdl64
 
@@ -134,6 +134,23 @@ def test_a_damaged_download_is_one_line_and_leaves_nothing(
     assert len(printed := capsys.readouterr().err.splitlines()) == 1
     assert re.search(fault, printed[0])
     assert list((tmp_path / "data").iterdir()) == []
+
+
+@pytest.mark.parametrize(
+    ("answer", "fault"),
+    [
+        (b"nonsense\r\n\r\n", r"0000000000\.pcd cannot be fetched \(nonsense"),
+        (
+            b"HTTP/1.0 200 OK\r\nContent-Length: 10\r\n\r\nfir",
+            r"data_1/0000000000\.pcd has 3 bytes, not the expected 10",
+        ),
+    ],
+)
+def test_an_answer_that_is_no_file_is_named(
+    table: dict[str, Any], answer: bytes, fault: str, tmp_path: Path
+) -> None:
+    with served_answer(answer) as host, pytest.raises(InputError, match=fault):
+        published_files.download(tmp_path, host, table)
 
 
 @pytest.mark.usefixtures("table")
