@@ -77,6 +77,7 @@ PICTURES = {
         },
     ),
     "odometry": Picture("odometry", DRIVES),
+    "perception": Picture("perception", "perception"),
 }
 NOT_SHIPPED = {"attributes": "of recordings (config/attributes.yaml)"}
 """Pictures of results that are not shipped, and of what."""
@@ -132,6 +133,8 @@ def _table(picture: Picture, name: str) -> pd.DataFrame:
         drives = read_table(study_file(DRIVES))
         return drives if name == DRIVES else table_entry(name).make(drives=drives)
     reference = read_reference(picture.study)
+    if name == "perception_losses":
+        return table_entry(name).make(metrics=reference.metrics, clouds=reference.table("clouds"))
     table = reference.metrics if name == "metrics" else reference.table(name)
     if table is None:
         raise InputError(f"reference results {picture.study}: no table {name}")

@@ -25,6 +25,8 @@ from puckbench.report.findings import findings, short_title
 from puckbench.report.reference_results import ReferenceResults, read_reference
 from puckbench.tables.nearest_truth import nearest_truth, truth_bits
 from puckbench.tables.noise_bits import noise_bits
+from puckbench.tables.perception_bits import bits_needed
+from puckbench.tables.perception_losses import perception_losses
 from puckbench.tables.rate_deltas import bd_rate, bd_rate_pairs
 from puckbench.tables.uses import uses
 
@@ -203,6 +205,74 @@ def noise_scenes() -> str:
         for sets in _NOISE_SETS
     ]
     return f"{counts[0]} rooms and {counts[1]} streets"
+
+
+# ---- perception
+
+_ALONG_RAYS = ("puck", "gpcc_predictive")
+
+
+@cache
+def _losses_of_tasks() -> pd.DataFrame:
+    made = results("perception")
+    return perception_losses(made.metrics, clouds=made.table("clouds"), along_rays=_ALONG_RAYS)
+
+
+def _perception_order(column: str) -> list[str]:
+    losses, style = _losses_of_tasks(), results("perception").style
+    order = style.ordered_codecs if column == "codec" else style.ordered_datasets
+    return list(order(losses[column]))
+
+
+@shown
+def perception_bits_table() -> str:
+    """Bits per return from which on each task is not worse, with the rate, by codec."""
+    bits, style = bits_needed(_losses_of_tasks()), results("perception").style
+    codecs, rows = _perception_order("codec"), []
+    for task in dict.fromkeys(bits["task"]):
+        for dataset in _perception_order("dataset"):
+            part = bits[(bits["task"] == task) & (bits["dataset"] == dataset)].set_index("codec")
+            if part.empty:
+                continue
+            first = part.iloc[0]
+            head = f"{first['task_title']}; {style.title(dataset)} ({first['scenes']})"
+            cells = [_bits_cell(part.loc[codec]) if codec in part.index else "" for codec in codecs]
+            rows.append([head, f"{first['undecoded']:.1f}", *cells])
+    return lines(["task; scans (scenes)", "undecoded, %", *(f"`{name}`" for name in codecs)], rows)
+
+
+def _bits_cell(row: Any) -> str:
+    if pd.isna(row["bits"]):
+        return f"none up to {row['most_bits']:.2f}"
+    return f"{row['bits']:.2f} ({row['rate']})"
+
+
+@shown
+def perception_losses_table() -> str:
+    """Losses of mean IoU by our network for steps of `puck` and `gpcc`, with what `gpcc` loses by
+    holes and by displacement, and, by its decoded points alone, the loss that most papers report.
+    """
+    made, style, rows = with_scenes(results("perception").metrics), results("perception").style, []
+    for dataset in _perception_order("dataset"):
+        for rate in ("500mm", "200mm", "100mm"):
+            named = (made["dataset"] == dataset) & (made["rate"] == rate)
+            texts = []
+            for codec in ("puck", "gpcc"):
+                part = made[named & (made["codec"] == codec)].groupby(SCENE).mean(numeric_only=True)
+                undecoded, coded, decoded, dropped = (
+                    part[f"segmentation_{way}miou_percent"]
+                    for way in ("undecoded_", "", "decoded_", "dropped_")
+                )
+                texts.append(f"{part['bpp'].mean():.2f} bits: {_estimate(undecoded - coded)}")
+            by_cause = (undecoded - dropped, dropped - coded, undecoded - decoded)
+            rows.append([f"{style.title(dataset)}, {rate}", *texts, *map(_estimate, by_cause)])
+    heads = ["scans, step", "`puck`", "`gpcc`", "of it holes", "of it displacement"]
+    return lines([*heads, "`gpcc`, decoded points alone"], rows)
+
+
+def _estimate(values: pd.Series[float]) -> str:
+    estimate = Estimate.of(values)
+    return interval(estimate.mean, estimate.low, estimate.high, 1)
 
 
 # ---- primitives

@@ -47,6 +47,7 @@ _TITLES = {
     "evidence": "Rooms, objects and streets with several seeds",
     "capod_learned": "CAPOD, learned codecs",
     "sweeps_reno": "Turns of a sensor, RENO",
+    "perception": "Perception after decoding",
 }
 _DIGITS = 6
 """Number of significant digits of measured values."""
