@@ -22,7 +22,7 @@ SUFFIX = ".safetensors"
 HEADER_KEY = "puckbench"
 """Key of the JSON header in the metadata of a file."""
 MAX_FILE_BYTES = 2**28
-_PUBLISHED = (".npz", ".pth", ".pt")
+_PUBLISHED = (".npz", ".pth", ".pt", ".bin")
 
 
 class WeightsHeader(Model):
@@ -177,4 +177,6 @@ PCGCV2 = NetworkType("pcgcv2", r"c8_a(\d+)_\d+\.pth", _tenths)
 OCTREE_NET = NetworkType("sparse_octree_net")
 RENO = NetworkType("reno", r"([\w.-]+)\.pt")
 """The authors' ``KITTIDetection.pt`` serves all rates."""
-NETWORKS = {network.name: network for network in (PCGCV1, PCGCV2, OCTREE_NET, RENO)}
+LIZIP = NetworkType("lizip", r"([\w.-]+)\.bin")
+"""The authors' ``mlp_c3_h256.bin`` serves all rates."""
+NETWORKS = {network.name: network for network in (PCGCV1, PCGCV2, OCTREE_NET, RENO, LIZIP)}

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from pcc_networks import octree_net, pcgcv1, pcgcv2, reno
+from pcc_networks import lizip, octree_net, pcgcv1, pcgcv2, reno
 from pointkit.errors import InputError
 from tests.support.learned_codecs import save_tiny, shell, weights_name
 
@@ -18,6 +18,7 @@ NETWORKS: dict[str, tuple[ModuleType, dict[str, Any]]] = {
     "pcgcv2": (pcgcv2, {"rate": 1}),
     "sparse_octree_net": (octree_net, {"scale": 1.0}),
     "reno": (reno, {"posq": 1.0}),
+    "lizip": (lizip, {"step_m": 1.0}),
 }
 """A network's package, and the arguments of `encode` that keep the grid of the input."""
 pytestmark = [pytest.mark.usefixtures("one_thread"), pytest.mark.parametrize("name", NETWORKS)]

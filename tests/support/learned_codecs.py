@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import struct
 import zlib
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -33,7 +34,7 @@ RATES: dict[str, dict[str, Any]] = {
     "pcgcv2_plus": {"r1": {"lmbda": 1}, "r2": {"lmbda": 4}},
     "sparse_octree_net": {"r1": {"scale": 0.5}, "r2": {"scale": 1}},
 }
-RENO_RATES = {"r1": {"step_m": 2}, "r2": {"step_m": 1}}
+METRIC_RATES = {"r1": {"step_m": 2}, "r2": {"step_m": 1}}
 
 
 def network1(shape: Pcgcv1Shape = TINY1, seed: int = 0) -> PCGCv1:
@@ -89,9 +90,22 @@ def reno_state(channels: int = 8, seed: int = 0) -> dict[str, torch.Tensor]:
     return state
 
 
+def lizip_file(sizes: Sequence[int] = (9, 20, 40, 3), seed: int = 0) -> bytes:
+    """Random weights of LiZIP in its authors' format, with a layer between any two sizes."""
+    rng = np.random.default_rng(seed)
+    parts = [b"LIZM", struct.pack("<I", len(sizes) - 1)]
+    for inputs, outputs in pairwise(sizes):
+        matrix = rng.normal(size=(outputs, inputs)) / np.sqrt(inputs)
+        bias = 0.1 * rng.normal(size=outputs)
+        parts += [struct.pack("<II", inputs, outputs)]
+        parts += [matrix.astype("<f4").tobytes(), bias.astype("<f4").tobytes()]
+    return b"".join(parts)
+
+
 def weights_name(codec: str) -> str:
     """The name of a codec's file of weights."""
-    return "KITTIDetection.pt" if codec == "reno" else "tiny.safetensors"
+    names = {"reno": "KITTIDetection.pt", "lizip": "mlp_c3_h20.bin"}
+    return names.get(codec, "tiny.safetensors")
 
 
 def save_tiny(codec: str, path: Path, seed: int = 0) -> None:
@@ -99,6 +113,10 @@ def save_tiny(codec: str, path: Path, seed: int = 0) -> None:
     if codec == "reno":
         path.parent.mkdir(parents=True, exist_ok=True)
         torch.save(reno_state(seed=seed), path)
+        return
+    if codec == "lizip":
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_bytes(lizip_file(seed=seed))
         return
     if codec.startswith("pcgcv1"):
         save_multi_rate(path, PCGCV1, network1(seed=seed), LMBDAS, {"data": "none"})
@@ -111,8 +129,8 @@ def save_tiny(codec: str, path: Path, seed: int = 0) -> None:
 def changes(codec: str, weights: Path | str, **more: Any) -> dict[str, Any]:
     """A codec's entry with weights, at the rates that tiny sets have."""
     options = {"weights": str(weights), **more}
-    if codec == "reno":
-        return {"metric_rates": RENO_RATES, "options": options}
+    if codec in ("reno", "lizip"):
+        return {"metric_rates": METRIC_RATES, "options": options}
     rates = RATES[codec if codec in RATES else f"{codec}_plus"]  # as published: the same
     return {"rates": rates, "options": options}
 

@@ -331,6 +331,23 @@ def _changed4(coded: Any, random: Random) -> Any:
     return replace(coded, **{"tree": changed, **_some(some, random)})
 
 
+def _changed5(coded: Any, random: Random) -> Any:
+    import lzma
+    import zlib
+
+    points = int(random.choice([1, 128, 129, limit(random, 18), coded.points]))
+    numbers = bytes(12 * 128 * -(-points // 128))
+    pattern = random.integers(0, 256, 64, dtype=np.uint8).tobytes() * (len(numbers) // 64)
+    raw = numbers if random.random() < 0.5 else pattern
+    packed = (raw, zlib.compress(raw), lzma.compress(raw, preset=0))
+    compressor = int(random.choice([0, 1, 2]))
+    fitting = {"points": points, "compressor": compressor, "packed": packed[compressor]}
+    others = {"packed": data(random), "compressor": limit(random, 7), "check": limit(random, 32),
+              "scale": float(2.0 ** int(random.integers(-12, 26)))}  # fmt: skip
+    changed = replace(coded, **fitting) if random.random() < 0.5 else coded
+    return replace(changed, **_some(others, random))
+
+
 def _some(changes: dict[str, Any], random: Random) -> dict[str, Any]:
     """One of the changes, or a few."""
     names = random.permutation(list(changes))[: int(random.choice([1, 1, 2, len(changes)]))]
@@ -613,5 +630,6 @@ WRITERS: dict[str, Callable[[Sequence[bytes], Random], bytes]] = {
         f"{_NETS}.octree_net.stream", _changed3, "write_stream", ["_check"]
     ),
     "reno": _learned(f"{_NETS}.reno.stream", _changed4, "write_stream", []),
+    "lizip": _learned(f"{_NETS}.lizip.stream", _changed5, "write_stream", ["check_work"]),
 }
 """Codecs of our own; `pcgcv1` and `pcgcv2` share the decoders of ours."""

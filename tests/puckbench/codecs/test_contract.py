@@ -27,7 +27,7 @@ from puckbench.codecs.coding import why_not_here
 from puckbench.codecs.external import ExternalCodec
 from puckbench.codecs.rates import metric_rates, scaled_rates
 from puckbench.codecs.registry import codec_of, codecs, open_codec
-from puckbench.codecs.reno import PUBLISHED_WEIGHTS
+from puckbench.codecs import lizip, reno
 from puckbench.codecs.returns_codec import ReturnsCodec
 from tests.support.codecs import decode, encode
 
@@ -72,14 +72,21 @@ class Case:
         return self.of_size(dense_surface() if estimates(self.codec) else surface())
 
 
+PUBLISHED_WEIGHTS = {
+    "reno": f"{reno.PUBLISHED_WEIGHTS}/KITTIDetection.pt",
+    "lizip": f"{lizip.PUBLISHED_WEIGHTS}/mlp_c3_h256.bin",
+}
+"""Where codecs look for their authors' weights."""
+
+
 def _cases() -> list[str]:
     """Names of codecs; those of clouds in metres with a word that says so."""
     opened = {name: open_codec(name) for name in codecs()}
     classes = {name: codec for name, codec in opened.items() if not isinstance(codec, ReturnsCodec)}
     here = [name for name in classes if not why_not_here(classes[name])]
     scaled = [name for name in here if scaled_rates(classes[name].rates)]
-    if find_spec("torch") and "reno" not in here:
-        here.append("reno")  # with the random weights of `at_work`
+    if find_spec("torch"):  # with the random weights of `at_work`
+        here += [name for name in PUBLISHED_WEIGHTS if name not in here]
     return scaled + [name + METRES for name in here if metric_rates(classes[name].rates)]
 
 
@@ -101,12 +108,13 @@ OWN = [
 
 @pytest.fixture(autouse=True, scope="module")
 def at_work(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
-    """The working directory, with random weights of RENO where the codec looks for its authors'."""
+    """The working directory, with random weights where codecs look for their authors'."""
     folder = tmp_path_factory.mktemp("contract")
     if find_spec("torch"):
         from tests.support.learned_codecs import save_tiny
 
-        save_tiny("reno", folder / PUBLISHED_WEIGHTS / "KITTIDetection.pt")
+        for name, path in PUBLISHED_WEIGHTS.items():
+            save_tiny(name, folder / path)
     with pytest.MonkeyPatch.context() as patch:
         patch.chdir(folder)
         yield folder

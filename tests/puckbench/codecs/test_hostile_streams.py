@@ -144,7 +144,7 @@ def test_what_a_decoder_would_refuse_primitives_codes_as_voxels(
     assert encode_surface(cloud, SurfaceMode()) is None
 
 
-NETWORKS = ("pcgcv1_plus", "pcgcv2_plus", "sparse_octree_net", "reno")
+NETWORKS = ("pcgcv1_plus", "pcgcv2_plus", "sparse_octree_net", "reno", "lizip")
 
 
 @pytest.fixture(scope="module")

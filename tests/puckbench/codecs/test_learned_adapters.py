@@ -12,7 +12,7 @@ import pytest
 import torch
 
 from cloud_files.clouds import read_cloud, write_cloud
-from pcc_networks import octree_net, pcgcv1, pcgcv2, reno
+from pcc_networks import lizip, octree_net, pcgcv1, pcgcv2, reno
 from pointkit.errors import InputError
 from pointkit.geometry.cloud import PointCloud
 from puckbench.codecs.base import CloudKind, Codec
@@ -28,6 +28,7 @@ NETWORKS: dict[str, tuple[ModuleType, dict[str, Any], float]] = {
     "pcgcv2_plus": (pcgcv2, {"rate": 1}, 1.0),
     "sparse_octree_net": (octree_net, {"scale": 1.0}, 1.0),
     "reno": (reno, {"posq": 1000.0}, 1000.0),
+    "lizip": (lizip, {"step_m": 1.0}, 1.0),
 }
 """Codec, its library, the arguments that are its rate r2, and the library's units per step."""
 IMPROVED = ("pcgcv1_plus", "pcgcv2_plus")
@@ -125,6 +126,8 @@ def test_the_rate_that_the_authors_weights_lack_is_named(tmp_path: Path) -> None
         ("sparse_octree_net", {"options": {"weights": "."}}, "has no weights"),
         ("reno", {"options": {"weights": "."}}, "has no weights for 512mm"),
         ("reno", {}, "no weights in data/reno_weights: fetch them (puckbench data reno_weights)"),
+        ("lizip", {}, "no weights in data/lizip_weights: fetch them"),
+        ("lizip", {"options": {"weights": "."}}, "has no weights for 100mm"),
     ],
 )
 def test_missing_weights_are_named(

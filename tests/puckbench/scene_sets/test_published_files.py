@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 
 from puckbench.cli import main
+from puckbench.codecs import lizip
 from puckbench.codecs.coding import why_not_here
 from puckbench.codecs.learned import PUBLISHED_WEIGHTS
 from puckbench.codecs.registry import open_codec
@@ -158,6 +159,15 @@ def test_the_weights_of_reno_come_alike(
     for name in RENO_SETS:
         codec = open_codec("reno", {"options": {"trained_on": name}})
         assert weights_label(codec.weights("8mm")) == f"{name} {_sha256(name.encode())[:16]}"
+
+
+def test_the_weights_of_lizip_have_a_commit_a_licence_and_hashes() -> None:
+    table = published_files.published("lizip_weights")
+    assert set(table["files"]) == {"LICENSE-LIZIP", "mlp_c3_h256.bin"}
+    assert all(len(about["sha256"]) == 64 for about in table["files"].values())
+    assert len(table["repositories"]["lizip"].split("/")[-1]) == 40
+    assert "MIT License" in SOURCES["lizip_weights"].credits(Path())
+    assert SOURCES["lizip_weights"].folder == Path(lizip.PUBLISHED_WEIGHTS).name
 
 
 def test_recordings_of_ouster_sensors_have_metadata_digests_and_a_licence() -> None:
