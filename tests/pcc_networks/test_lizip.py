@@ -98,7 +98,9 @@ def test_a_sum_has_eight_lanes_and_a_rest(inputs: int, tmp_path: Path) -> None:
     made = np.empty(3, np.float32)
     linear(inputs)(values, 1, 3, layer.lanes, layer.rest, layer.bias, True, made)
     for row, bias, found in zip(matrix, data[-3:], made, strict=True):
-        products = [(Fraction(float(a)), Fraction(float(b))) for a, b in zip(values, row)]
+        products = [
+            (Fraction(float(a)), Fraction(float(b))) for a, b in zip(values, row, strict=True)
+        ]
         whole, lanes = inputs // 8 * 8, [np.float32(0)] * 8
         for k in range(whole):
             lanes[k % 8] = _fused(*products[k], lanes[k % 8])
@@ -232,15 +234,15 @@ def test_a_machine_that_computes_otherwise_says_so(
 
 
 def test_foreign_weights_are_named(tmp_path: Path) -> None:
-    whole = lizip_file()
-    bias = struct.pack("<f", np.inf)
+    whole, bias = lizip_file(), struct.pack("<f", np.inf)
+    turned = whole.replace(struct.pack("<II", 20, 40), struct.pack("<II", 40, 20))
     faults = {
         "text": (b"text", "not weights of LiZIP"),
         "cut": (whole[:-1], "truncated"),
         "long": (whole + b"!", "its length"),
         "infinite": (whole[:-4] + bias, "not finite"),
         "none": (b"LIZM\0\0\0\0", "sizes of its layers"),
-        "apart": (whole.replace(struct.pack("<II", 20, 40), struct.pack("<II", 40, 20)), "truncated"),
+        "turned": (turned, "sizes of its layers|truncated"),
         "four": (lizip_file((9, 20, 4)), "sizes of its layers"),
         "ten": (lizip_file((10, 20, 3)), "10 inputs; up to 5 points"),
         "eight": (lizip_file((24, 20, 3)), "24 inputs; up to 5 points"),

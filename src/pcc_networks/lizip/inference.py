@@ -39,47 +39,60 @@ def linear(inputs: int) -> Callable[..., None]:
         last = np.empty(_BLOCK_ROWS * left, np.float32)
         sums = np.empty(_BLOCK_ROWS * LANES * WIDE, np.float32)
         totals = np.empty(_BLOCK_ROWS * WIDE, np.float32)
-        of_lane, all_rows = np.empty(_BLOCK_ROWS, np.int64), np.arange(_BLOCK_ROWS)
+        all_rows = np.arange(_BLOCK_ROWS)
         for start in range(0, rows, _BLOCK_ROWS):
             count = min(_BLOCK_ROWS, rows - start)
-            for row in range(count):
-                at = (start + row) * inputs
-                for k in range(each * LANES):
-                    turns[(row * LANES + k % LANES) * each + k // LANES] = values[at + k]
-                for k in range(left):
-                    last[row * left + k] = values[at + each * LANES + k]
+            _divide(values, start, count, inputs, turns, last)
             for chunk in range((outputs + WIDE - 1) // WIDE):
                 sums[:] = _ZERO
                 for lane in range(LANES):
-                    for row in range(count):
-                        of_lane[row] = row * LANES + lane
-                    place = (chunk * LANES + lane) * each * WIDE
-                    add_products(
-                        sums, of_lane, turns, of_lane, count, lanes, place, each, WIDE
-                    )  # fmt: skip
-                for row in range(count):
-                    for k in range(WIDE):
-                        at = row * LANES * WIDE + k
-                        even = (sums[at] + sums[at + 4 * WIDE]) + (
-                            sums[at + 2 * WIDE] + sums[at + 6 * WIDE]
-                        )
-                        odd = (sums[at + WIDE] + sums[at + 5 * WIDE]) + (
-                            sums[at + 3 * WIDE] + sums[at + 7 * WIDE]
-                        )
-                        totals[row * WIDE + k] = even + odd
-                place = chunk * left * WIDE
-                add_products(
-                    totals, all_rows, last, all_rows, count, rest, place, left, WIDE
-                )  # fmt: skip
-                for row in range(count):
-                    for k in range(min(WIDE, outputs - chunk * WIDE)):
-                        total = bias[chunk * WIDE + k] + totals[row * WIDE + k]
-                        kept = is_last or total > _ZERO
-                        result[(start + row) * outputs + chunk * WIDE + k] = (
-                            total if kept else _ZERO
-                        )
+                    at, of_lane = (chunk * LANES + lane) * each * WIDE, all_rows * LANES + lane
+                    add_products(sums, of_lane, turns, of_lane, count, lanes, at, each, WIDE)
+                _add_lanes(sums, count, totals)
+                at = chunk * left * WIDE
+                add_products(totals, all_rows, last, all_rows, count, rest, at, left, WIDE)
+                _store(totals, start, count, chunk * WIDE, outputs, bias, is_last, result)
 
     return compiled(compute)
+
+
+@compiled
+def _divide(
+    values: Floats32, start: int, count: int, inputs: int, turns: Floats32, last: Floats32
+) -> None:
+    """Copy the inputs of rows to lanes, (rows, 8, turns), and those that are left."""
+    each, left = inputs // LANES, inputs % LANES
+    for row in range(count):
+        at = (start + row) * inputs
+        for k in range(each * LANES):
+            turns[(row * LANES + k % LANES) * each + k // LANES] = values[at + k]
+        for k in range(left):
+            last[row * left + k] = values[at + each * LANES + k]
+
+
+@compiled
+def _add_lanes(sums: Floats32, count: int, totals: Floats32) -> None:
+    """Add the eight lanes of each sum, as AVX's horizontal additions do."""
+    for row in range(count):
+        for k in range(WIDE):
+            at = row * LANES * WIDE + k
+            even = (sums[at] + sums[at + 4 * WIDE]) + (sums[at + 2 * WIDE] + sums[at + 6 * WIDE])
+            at += WIDE
+            odd = (sums[at] + sums[at + 4 * WIDE]) + (sums[at + 2 * WIDE] + sums[at + 6 * WIDE])
+            totals[row * WIDE + k] = even + odd
+
+
+@compiled
+def _store(
+    totals: Floats32, start: int, count: int, first: int, outputs: int, bias: Floats32,
+    is_last: bool, result: Floats32,
+) -> None:  # fmt: skip
+    """Add sums to the bias of the outputs from `first` on; apply the ReLU unless it is the last."""
+    for row in range(count):
+        for k in range(min(WIDE, outputs - first)):
+            total = bias[first + k] + totals[row * WIDE + k]
+            kept = is_last or total > _ZERO
+            result[(start + row) * outputs + first + k] = total if kept else _ZERO
 
 
 def predicted(

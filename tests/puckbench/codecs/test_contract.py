@@ -22,12 +22,12 @@ from puckbench.checks.clouds import UNITS_PER_METRE, dense_surface, surface
 from puckbench.checks.registry import Check, checks
 from puckbench.checks.subject import Subject, estimates
 from puckbench.checks.supervision import run_check
+from puckbench.codecs import lizip, reno
 from puckbench.codecs.base import Codec, Parameters
 from puckbench.codecs.coding import why_not_here
 from puckbench.codecs.external import ExternalCodec
 from puckbench.codecs.rates import metric_rates, scaled_rates
 from puckbench.codecs.registry import codec_of, codecs, open_codec
-from puckbench.codecs import lizip, reno
 from puckbench.codecs.returns_codec import ReturnsCodec
 from tests.support.codecs import decode, encode
 
