@@ -39,6 +39,7 @@ SUBJECTS = {
     "start": ("Start of commands", "performance.start:measure"),
     "scans": ("Virtual scans", "performance.scan_speed:measure"),
     "puck": ("Turns and recordings", "performance.puck:measure"),
+    "ouster": ("Recordings of Ouster sensors beside OSF", "performance.ouster:measure"),
     "clouds": ("Messages of clouds", "performance.clouds:measure"),
     "gpcc": ("G-PCC", "performance.gpcc:measure"),
     "attributes": ("G-PCC with reflectances", "performance.gpcc:measure_attributes"),
