@@ -13,7 +13,6 @@ import numpy as np
 import pytest
 
 from puckbench.cli import main
-from puckbench.codecs import lizip
 from puckbench.codecs.coding import why_not_here
 from puckbench.codecs.learned import PUBLISHED_WEIGHTS
 from puckbench.codecs.registry import open_codec
@@ -167,7 +166,6 @@ def test_the_weights_of_lizip_have_a_commit_a_licence_and_hashes() -> None:
     assert all(len(about["sha256"]) == 64 for about in table["files"].values())
     assert len(table["repositories"]["lizip"].split("/")[-1]) == 40
     assert "MIT License" in SOURCES["lizip_weights"].credits(Path())
-    assert SOURCES["lizip_weights"].folder == Path(lizip.PUBLISHED_WEIGHTS).name
 
 
 def test_recordings_of_ouster_sensors_have_metadata_digests_and_a_licence() -> None:
