@@ -3,8 +3,9 @@
     python -m benchmarks.claims.lidar [--scenes 8] [--step-deg DEGREES] [--reno WEIGHTS]
 
 Anchor is G-PCC's octree with `angularEnabled: 0`, as papers run it. Tested are the angular octree,
-predictive geometry and, with the authors' weights, RENO. Each generated street is a scene, scanned by a virtual HDL-64E. Printed are ratios of
-bits to the anchor's at equal D1 and D2, and bits per point by rate.
+predictive geometry and, with the authors' weights, RENO. Each generated street is a scene, scanned
+by a virtual HDL-64E. Printed are ratios of bits to the anchor's at equal D1 and D2, and bits per
+point by rate.
 """
 
 from __future__ import annotations

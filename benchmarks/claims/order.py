@@ -72,7 +72,8 @@ def laz(frame: Frame, rows: Rows, step: float, is_timed: bool) -> bytes:
     """Return LAZ of a frame's rows; with the time and the laser of each point if `is_timed`."""
     las = las_points(in_steps(frame.xyz[rows], step), step, np.zeros(3), 1 if is_timed else 0)
     if is_timed:
-        assert frame.times is not None and frame.lasers is not None
+        assert frame.times is not None
+        assert frame.lasers is not None
         las.gps_time, las.user_data = np.rint(frame.times[rows] * 1e6), frame.lasers[rows]
     return las_bytes(las, is_compressed=True)
 
@@ -96,7 +97,7 @@ def cloudini(points: Floats, step: float) -> bytes:
 
 
 def draco(points: Floats, bits: int | None = None, step: float | None = None) -> bytes:
-    """Return points by Draco's sequential method, in so many bits of the bounding cube or a step."""
+    """Return points by Draco's sequential method, with bits of the bounding cube or a step."""
     import DracoPy
 
     options: dict[str, Any] = {"quantization_bits": bits}
@@ -158,9 +159,8 @@ def frames(paths: list[Path], columns: int, scenes: int, step_deg: float | None)
     """Yield the frames of files, then a turn in each generated street."""
     for path in paths:
         if path.suffix == ".bin":
-            yield Frame(
-                path.stem, np.fromfile(path, "<f4").reshape(-1, columns)[:, :3].astype(float)
-            )
+            values = np.fromfile(path, "<f4").reshape(-1, columns)
+            yield Frame(path.stem, values[:, :3].astype(np.float64))
         else:
             yield Frame(path.stem, read_cloud(path).xyz)
     for name in street_names(scenes):

@@ -13,8 +13,9 @@ of the ratios to the octree are of its turns.
 from __future__ import annotations
 
 import argparse
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -68,22 +69,19 @@ def bits(points: Floats, lines: list[tuple[float, float]], step: float) -> Mappi
     sensor = SensorDescription(tangents, tuple(h / step for h in heights), COLUMNS_PER_TURN)
     grid, origin = quantise(points, scale=1 / step)
     found: dict[str, float] = {}
+    frame: dict[str, Any] = {"scale": 1 / step, "origin": origin}
     for is_merged, words in ((True, "merged"), (False, "all points")):
-        plain = PROFILES["spinning"].model_copy(
+        tools = PROFILES["spinning"].model_copy(
             update={"merge_duplicates": is_merged, "inferred_direct_coding_mode": 1}
         )
         trees = PredictiveOptions(merge_duplicates=is_merged)
-        modes: dict[str, Callable[[], bytes]] = {
-            OCTREE: lambda: encode_geometry(grid, plain, scale=1 / step, origin=origin),
-            "angular octree": lambda: encode_geometry(
-                grid, plain, scale=1 / step, origin=origin, sensor=sensor
-            ),
-            "predictive geometry": lambda: encode_predictive_geometry(
-                grid, trees, scale=1 / step, origin=origin, sensor=sensor
-            ),
+        streams = {
+            OCTREE: encode_geometry(grid, tools, **frame),
+            "angular octree": encode_geometry(grid, tools, sensor=sensor, **frame),
+            "predictive geometry": encode_predictive_geometry(grid, trees, sensor=sensor, **frame),
         }
-        for name, code in modes.items():
-            found[f"{name}, {words}"] = 8 * len(code()) / len(points)
+        for name, stream in streams.items():
+            found[f"{name}, {words}"] = 8 * len(stream) / len(points)
     return found
 
 
@@ -100,7 +98,7 @@ def main() -> None:
         table = pd.DataFrame([bits(turn, lines, step_mm / 1000) for turn in turns])
         print(f"\nstep {step_mm:g} mm")
         for name in table:
-            kept = name.partition(", ")[2]
+            kept = str(name).partition(", ")[2]
             ratio = Estimate.of_ratios(table[name] / table[f"{OCTREE}, {kept}"])
             ends = f"{ratio.least:.3f} to {ratio.most:.3f}"
             print(f"  {name}: {table[name].mean():.2f} bits, {ratio.mean:.3f} ({ends})", flush=True)
