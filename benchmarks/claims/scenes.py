@@ -87,10 +87,10 @@ def bd_ratios(table: pd.DataFrame, anchor: str, qualities: Iterable[str]) -> pd.
         Columns ``codec``, ``quality`` and ``ratio``; pairs whose curves share too little are left
         out.
     """
-    by_codec = dict(iter(table.groupby("codec", sort=False)))
+    by_codec = {str(name): part for name, part in table.groupby("codec", sort=False)}
     rows = []
     for quality in qualities:
-        for codec in by_codec.keys() - {anchor}:
+        for codec in [name for name in by_codec if name != anchor]:
             try:
                 delta = puckbench.bd_rate(by_codec[anchor], by_codec[codec], quality)
             except InputError as error:
