@@ -183,7 +183,8 @@ def main() -> None:
     for name in ("LAZ", "LAZ with time and laser", "Cloudini", "Draco", "differences and LZMA"):
         part = table.filter(regex=f"^{name}, ").dropna()
         if f"{name}, acquired" in part:
-            relative = part.div(part[f"{name}, acquired"], axis=0).to_dict("list")
+            ratios_of = part.div(part[f"{name}, acquired"], axis=0).items()
+            relative = {str(label): list(column) for label, column in ratios_of}
             report(f"{name}: bits relative to the acquired order", relative)
     pairs = {
         "equal step": ("Cloudini, acquired", "Draco, acquired"),

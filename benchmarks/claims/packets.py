@@ -15,6 +15,7 @@ import argparse
 import lzma
 import time
 from collections.abc import Callable, Iterator
+from functools import partial
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
@@ -78,7 +79,7 @@ def measured(path: Path) -> dict[str, float]:
     calls: dict[str, Callable[[], int]] = {
         "xz": lambda: len(lzma.compress(data.tobytes(), preset=PRESET)),
         "xz, packets": lambda: len(lzma.compress(packet_planes(data), preset=PRESET)),
-        **{f"puck, {effort}": lambda effort=effort: by_puck(effort) for effort in EFFORTS},
+        **{f"puck, {effort}": partial(by_puck, effort) for effort in EFFORTS},
     }
     found: dict[str, float] = {}
     for name, call in calls.items():
@@ -108,7 +109,7 @@ def main() -> None:
                 continue
             table = pd.DataFrame({path.stem: measured(path) for path in paths}).T
             print(f"\n{title}\n{table.round(3).to_string()}")
-            names = [name for name in table if not name.endswith("seconds")]
+            names = [name for name in map(str, table) if not name.endswith("seconds")]
             sizes = {name: list(table[name] / table["xz"]) for name in names}
             report(f"{title}: bytes relative to xz -9e of the file", sizes)
             known = {name: list(table[name] / table["xz, packets"]) for name in names}
