@@ -426,6 +426,9 @@ def net_bits() -> str:
     return lines(["clouds", "G-PCC's rate", "change of the bits", "scenes"], list(_net_rows()))
 
 
+_D1_D2 = ("d1_psnr", "d2_psnr")
+
+
 def _delta(codec: str, dataset: str, metric: str, study: str = "evidence") -> str:
     part = rows_of(study, "bd_rate", codec=codec, dataset=dataset, metric=metric)
     return delta_text(part.iloc[0].to_dict() if len(part) else None)
@@ -433,8 +436,7 @@ def _delta(codec: str, dataset: str, metric: str, study: str = "evidence") -> st
 
 def deltas(codec: str, datasets: Sequence[str]) -> str:
     rows = [
-        [_DATASETS[name], *(_delta(codec, name, metric) for metric in ("d1_psnr", "d2_psnr"))]
-        for name in datasets
+        [_DATASETS[name], *(_delta(codec, name, metric) for metric in _D1_D2)] for name in datasets
     ]
     return lines(["clouds", "BD-rate, D1", "BD-rate, D2"], rows)
 
@@ -457,6 +459,36 @@ def pcgcv2_rooms_deltas() -> str:
 @shown
 def primitives_deltas() -> str:
     return deltas("primitives", ["rooms", "objects"])
+
+
+@shown
+def primitives_pairs() -> str:
+    """BD-rates of `primitives` against the codecs that also smooth or were made for its clouds."""
+    rivals = {
+        "rooms": ("gpcc", "gpcc_denoised", "pcgcv2_plus_rooms"),
+        "objects": ("gpcc", "pcgcv2_plus", "pcgcv1_plus"),
+    }
+    rows = []
+    for dataset, names in rivals.items():
+        for anchor in names:
+            pair = {"codec": "primitives", "dataset": dataset, "anchor": anchor}
+            cells = [_DATASETS[dataset], f"`{anchor}`"]
+            for metric in _D1_D2:
+                part = rows_of("evidence", "bd_rate_pairs", metric=metric, **pair)
+                cells.append(delta_text(part.iloc[0].to_dict() if len(part) else None))
+            rows.append(cells)
+    return lines(["clouds", "against", "BD-rate, D1", "BD-rate, D2"], rows)
+
+
+@shown
+def sensor_modes() -> str:
+    """BD-rates of G-PCC's modes for sensors against its octree."""
+    rows = [
+        [_DATASETS[name], f"`{codec}`", *(_delta(codec, name, metric) for metric in _D1_D2)]
+        for name in ("turns_measured", "streets_measured", "driving")
+        for codec in ("gpcc_angular", "gpcc_predictive")
+    ]
+    return lines(["clouds", "mode", "BD-rate, D1", "BD-rate, D2"], rows)
 
 
 @shown
@@ -503,7 +535,7 @@ def learned_deltas() -> str:
     texts = [
         f"`{codec}` {_delta(codec, 'objects', metric)} ({short_title(metric)})"
         for codec in ("pcgcv2_plus", "pcgcv1_plus")
-        for metric in ("d1_psnr", "d2_psnr")
+        for metric in _D1_D2
     ]
     return "; ".join(texts)
 
