@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pytest
 
+from tests.support.learned_codecs import lpcm_repository
 from tests.support.spinning import VLP16, pcap, spin
 
 ROOT = Path(__file__).parents[3]
@@ -29,6 +30,7 @@ STARTED: dict[str, tuple[str, ...]] = {
     "checks.gpcc_vectors": ("{tmc3}", "{folder}", "--only", "two_minimal"),
     "checks.killed_runs": ("--kills", "1", "--target", "{cloud}"),
     "checks.metrics_vs_pc_error": ("{pc_error}", "--repeats", "1", "--points", "5000"),
+    "checks.inter_lpcm": ("{lpcm}", "--turns", "2"),
     "checks.recorded_noise": ("{capture}",),
     "checks.mutants": ("puckbench/metrics/density", "--each", "1"),
     "performance.codecs": (
@@ -93,6 +95,7 @@ def files(tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]:
         "capture": str(folder / "turn.pcap"),
         "folder": str(folder / "empty"),
         "trainings": str(folder / "trainings"),
+        "lpcm": str(lpcm_repository(folder)),
         "small": str(ROOT / "benchmarks" / "small.yaml"),
         "cloud": "results/clouds/objects/chair_01.ply",
     }
