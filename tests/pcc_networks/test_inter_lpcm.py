@@ -11,8 +11,9 @@ import torch
 from torch.nn import functional
 
 from pcc_networks.inter_lpcm import decode, encode, encode_turn, load_weights
-from pcc_networks.inter_lpcm.corrections import (
-    MAX_CORRECTION,
+from pcc_networks.inter_lpcm.mixing import (
+    MAX_VALUE,
+    ElevationCoder,
     decode_corrections,
     encode_corrections,
 )
@@ -79,8 +80,8 @@ def test_points_keep_their_order_and_place(weights: LpcmWeights, name: str) -> N
     coded = encode_turn(points, weights, STEP)
     decoded = decode(coded.stream, weights)
     assert np.abs(decoded.points - points).max() <= STEP / 2 + 1e-9
-    for name in ("azimuth", "radius", "elevation", "corrections", "points"):
-        assert np.array_equal(getattr(decoded, name), getattr(coded, name))
+    for part in ("azimuth", "radius", "elevation", "corrections", "points"):
+        assert np.array_equal(getattr(decoded, part), getattr(coded, part))
 
 
 def test_a_preceding_turn_predicts_and_must_be_the_same(weights: LpcmWeights) -> None:
@@ -110,7 +111,9 @@ def test_a_moved_turn_is_seen_from_the_new_place() -> None:
 def test_lines_end_where_the_azimuth_falls_by_a_tenth_of_a_turn() -> None:
     degrees = np.array([1, 90, 359, 2, 300, 265, 228])
     radians = np.radians(degrees)
-    points = np.column_stack([np.cos(radians), np.sin(radians), np.tan(np.radians(-10)) + radians * 0])
+    points = np.column_stack(
+        [np.cos(radians), np.sin(radians), np.tan(np.radians(-10)) + radians * 0]
+    )
     lines = lines_of(points)
     assert lines.starts.tolist() == [0, 3, 6, 7]  # 35 degrees are fewer than 36
     assert lines.azimuth.tolist() == np.rint(degrees / 0.045).astype(int).tolist()
@@ -195,7 +198,8 @@ def _symbols(count: int = 300, spread: float = 5) -> np.ndarray:
 def test_distributions_are_the_networks() -> None:
     state = {name: value.double() for name, value in lpcm_states()["azimuth symbols"].items()}
     contexts = contexts_of(_symbols(), 4)
-    assert contexts[0].tolist() == [4] * 49 and contexts[60, -1] == _symbols()[59]
+    assert contexts[0].tolist() == [4] * 49
+    assert contexts[60, -1] == _symbols()[59]
 
     def linear(name: str, values: torch.Tensor) -> torch.Tensor:
         return functional.linear(values, state[f"{name}.weight"], state[f"{name}.bias"])
@@ -213,7 +217,8 @@ def test_distributions_are_the_networks() -> None:
     assert made.mean == pytest.approx(mean.numpy(), abs=0.03)
     assert made.deviation == pytest.approx(deviation.numpy(), abs=0.05)
     alone = network.distributions(contexts[7:8])
-    assert alone.mean[0] == made.mean[7] and alone.deviation[0] == made.deviation[7]
+    assert alone.mean[0] == made.mean[7]
+    assert alone.deviation[0] == made.deviation[7]
 
 
 def _layers_of(name: str) -> tuple:
@@ -227,8 +232,8 @@ def test_code_lengths_are_those_of_normal_distributions() -> None:
     distributions = Distributions(np.zeros(4), np.array([1.0, 1, 1, 1]))
     at_zero = math.erf(0.5 / math.sqrt(2))
     at_one = (math.erf(1.5 / math.sqrt(2)) - at_zero) / 2
-    expected = -math.log2(at_zero) - 2 * math.log2(at_one) - math.log2(1e-9)
-    assert code_length(symbols, distributions) == pytest.approx(expected)
+    shares = [at * (1 - 42 / 65536) + 1 / 65536 for at in (at_zero, at_one, at_one, 0)]
+    assert code_length(symbols, distributions) == pytest.approx(-sum(map(math.log2, shares)))
 
 
 def test_the_coders_bytes_are_the_code_length() -> None:
@@ -244,9 +249,29 @@ def test_the_coders_bytes_are_the_code_length() -> None:
         reader.read(Distributions(*(values[:10] for values in distributions)))
 
 
+def test_elevations_of_any_size_decode() -> None:
+    symbols = _symbols(90, 3).reshape(10, 9)
+    symbols[4, :3] = MAX_VALUE, -MAX_VALUE, 0
+    radius = np.random.default_rng(2).integers(-32767, 32768, symbols.shape)
+    rows = np.arange(9)[::-1].copy()
+    writer = ElevationCoder.writer(9, symbols.size)
+    for step, coded in zip(symbols, radius, strict=True):
+        writer.code(step, rows, coded)
+
+    def decoded(data: bytes) -> np.ndarray:
+        reader = ElevationCoder.reader(9, data)
+        result = [reader.code(np.zeros(9, np.int64), rows, coded) for coded in radius]
+        reader.check_end()
+        return np.array(result)
+
+    assert np.array_equal(decoded(writer.written()), symbols)
+    with pytest.raises(InputError, match="damaged"):
+        decoded(writer.written()[:40])
+
+
 def test_corrections_of_any_size_decode() -> None:
     corrections = _symbols(900, 3).reshape(-1, 3)
-    corrections[5] = [MAX_CORRECTION, -MAX_CORRECTION, 21]
+    corrections[5] = [MAX_VALUE, -MAX_VALUE, 21]
     azimuth = np.arange(300) * 26
     data = encode_corrections(corrections, azimuth)
     assert np.array_equal(decode_corrections(data, azimuth), corrections)

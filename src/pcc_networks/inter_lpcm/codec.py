@@ -2,19 +2,20 @@
 
 from __future__ import annotations
 
+import itertools
 import zlib
-from contextlib import AbstractContextManager, ExitStack
+from contextlib import AbstractContextManager
 from dataclasses import dataclass
 
 import numpy as np
 
-from pcc_networks.inter_lpcm.corrections import (
-    MAX_CORRECTION,
+from pcc_networks.inter_lpcm.mixing import (
+    MAX_VALUE,
+    ElevationCoder,
     decode_corrections,
     encode_corrections,
 )
 from pcc_networks.inter_lpcm.prediction import (
-    ELEVATION,
     RADIUS,
     Reference,
     points_at_steps,
@@ -30,7 +31,6 @@ from pcc_networks.inter_lpcm.stream import (
     write_stream,
 )
 from pcc_networks.inter_lpcm.symbols import (
-    MAX_SYMBOL,
     SymbolNetwork,
     SymbolReader,
     SymbolWriter,
@@ -124,16 +124,19 @@ def encode_turn(
     )
     azimuth = np.diff(lines.azimuth, prepend=0)
     azimuth[first] = 0
-    symbols = np.zeros((2, len(points)), np.int64)
+    radius, elevation = np.zeros((2, len(points)), np.int64)
+    elevations = ElevationCoder.writer(len(lines.lengths), len(points))
 
-    def code(kind: int, at: Ints, _rows: Ints, predicted: Floats) -> Ints:
-        values = lines.radius if kind == RADIUS else lines.elevation
-        symbols[kind, at] = rounded(kind, values[at], predicted)
-        return symbols[kind, at]
+    def code(kind: int, at: Ints, rows: Ints, predicted: Floats) -> Ints:
+        if kind == RADIUS:
+            radius[at] = rounded(kind, lines.radius[at], predicted)
+            return radius[at]
+        symbols = rounded(kind, lines.elevation[at], predicted)
+        elevation[at] = elevations.code(symbols, rows, radius[at])
+        return symbols
 
     decoded = traverse(heads, lines.azimuth, weights, reference, code)
     corrections, corrected = _corrected(points, decoded, step)
-    radius, elevation = symbols
     content = LpcmStream(
         weights.digest,
         _check_of(reference),
@@ -142,7 +145,7 @@ def encode_turn(
         heads,
         _encoded(SymbolNetwork(weights.azimuth_symbols), azimuth, lines.starts, 1),
         _encoded(SymbolNetwork(weights.radius_symbols), radius, lines.starts, 0),
-        _encoded(SymbolNetwork(weights.elevation_symbols), elevation, lines.starts, 0),
+        elevations.written(),
         encode_corrections(corrections, lines.azimuth),
     )
     return CodedTurn(
@@ -150,9 +153,7 @@ def encode_turn(
     )
 
 
-def decode(
-    stream: bytes, weights: LpcmWeights, reference: Reference | None = None
-) -> CodedTurn:
+def decode(stream: bytes, weights: LpcmWeights, reference: Reference | None = None) -> CodedTurn:
     """Decode a stream that `encode` returned.
 
     Parameters
@@ -177,22 +178,22 @@ def decode(
     starts = np.concatenate([[0], np.cumsum(heads.lengths)])
     azimuth = _decoded_azimuth(content.azimuth, SymbolNetwork(weights.azimuth_symbols), starts)
     steps = _summed(azimuth, heads, starts)
-    symbols = np.zeros((2, len(azimuth)), np.int64)
-    networks = [SymbolNetwork(weights.radius_symbols), SymbolNetwork(weights.elevation_symbols)]
-    before = np.zeros((2, len(heads.lengths), HISTORY), np.int64)
-    with ExitStack() as stack:
-        readers = [
-            stack.enter_context(_symbols_in(content.radius, "radii")),
-            stack.enter_context(_symbols_in(content.elevation, "elevations")),
-        ]
+    radius, elevation = np.zeros((2, len(azimuth)), np.int64)
+    network = SymbolNetwork(weights.radius_symbols)
+    before = np.zeros((len(heads.lengths), HISTORY), np.int64)
+    elevations = ElevationCoder.reader(len(heads.lengths), content.elevation)
+    with _symbols_in(content.radius, "radii") as reader:
 
         def code(kind: int, at: Ints, rows: Ints, _predicted: Floats) -> Ints:
-            symbols[kind, at] = _read_next(readers[kind], networks[kind], before[kind], rows)
-            return symbols[kind, at]
+            if kind == RADIUS:
+                radius[at] = _read_next(reader, network, before, rows)
+                return radius[at]
+            elevation[at] = elevations.code(elevation[at], rows, radius[at])
+            return elevation[at]
 
         lines = traverse(heads, steps, weights, reference, code)
+    elevations.check_end()
     corrections = decode_corrections(content.corrections, steps)
-    radius, elevation = symbols[RADIUS], symbols[ELEVATION]
     if _check(azimuth, radius, elevation, corrections) != content.check:
         raise InputError(OTHER_RESULT)
     points = cartesian(lines) + corrections * content.step
@@ -204,7 +205,7 @@ def decode(
 def _corrected(points: Floats, lines: Lines, step: float) -> tuple[Ints, Floats]:
     decoded = cartesian(lines)
     corrections = np.rint((points - decoded) / step)
-    if np.abs(corrections).max() > MAX_CORRECTION:
+    if np.abs(corrections).max() > MAX_VALUE:
         raise InputError(f"the cloud is too wide for steps of {step:g} m{NARROWER}")
     return corrections.astype(np.int64), decoded + corrections * step
 
@@ -213,7 +214,7 @@ def _encoded(network: SymbolNetwork, symbols: Ints, starts: Ints, first: int) ->
     """Encode symbols (n,) step by step, from step number `first` on."""
     before = USUAL_AZIMUTH_STEPS if first else 0
     contexts = np.empty((len(symbols), HISTORY), np.int32)
-    for start, end in zip(starts[:-1], starts[1:], strict=True):
+    for start, end in itertools.pairwise(starts):
         contexts[start + first : end] = contexts_of(symbols[start + first : end], before)
     order = [at for step, (at, _) in enumerate(points_at_steps(starts)) if step >= first]
     places = np.concatenate(order) if order else np.zeros(0, np.int64)

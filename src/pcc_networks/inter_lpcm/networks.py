@@ -76,25 +76,27 @@ class ElevationNetwork(nn.Module):
         return change
 
 
-class _AttentionBlocks(nn.Module):
-    """Self-attention layers, each added to its input and normalised."""
+class _AttentionBlock(nn.Module):
+    """Self-attention, added to its input and normalised."""
 
     def __init__(self, features: int) -> None:
         super().__init__()
-        self.layers = nn.ModuleList(
-            nn.ModuleDict(
-                {
-                    "attn": nn.MultiheadAttention(features, _HEADS, batch_first=True),
-                    "norm": nn.LayerNorm(features),
-                }
-            )
-            for _ in range(_LAYERS)
-        )
+        self.attn = nn.MultiheadAttention(features, _HEADS, batch_first=True)
+        self.norm = nn.LayerNorm(features)
+
+    def forward(self, x: Tensor) -> Tensor:
+        mixed: Tensor = self.norm(x + self.attn(x, x, x)[0])
+        return mixed
+
+
+class _AttentionBlocks(nn.Module):
+    def __init__(self, features: int) -> None:
+        super().__init__()
+        self.layers = nn.ModuleList(_AttentionBlock(features) for _ in range(_LAYERS))
 
     def forward(self, x: Tensor) -> Tensor:
         for layer in self.layers:
-            assert isinstance(layer, nn.ModuleDict)
-            x = layer["norm"](x + layer["attn"](x, x, x)[0])
+            x = layer(x)
         return x
 
 

@@ -5,8 +5,8 @@
   symbols; step of the corrections in m (float64)
 * number of lines, and of each line: number of points, azimuth of the first point (base-128
   numbers), radius and elevation of the first point (float32 each)
-* azimuths, radii, elevations: smallest symbol and number of values (base-128 numbers), number of
-  bytes, bytes; corrections: the remaining bytes
+* azimuths, radii: smallest symbol and number of values (base-128 numbers), number of bytes, bytes
+* elevations: number of bytes, bytes; corrections: the remaining bytes
 """
 
 from __future__ import annotations
@@ -73,7 +73,7 @@ class LpcmStream:
     heads: Heads
     azimuth: Part
     radius: Part
-    elevation: Part
+    elevation: bytes
     corrections: bytes
 
 
@@ -86,9 +86,10 @@ def write_stream(content: LpcmStream) -> bytes:
     ]
     for length, azimuth, radius, elevation in zip(*heads, strict=True):
         body += [base_128(int(length)), base_128(int(azimuth)), _FIRST.pack(radius, elevation)]
-    for part in (content.azimuth, content.radius, content.elevation):
+    for part in (content.azimuth, content.radius):
         body += [signed_128(part.least), base_128(part.most - part.least)]
         body += [base_128(len(part.data)), part.data]
+    body += [base_128(len(content.elevation)), content.elevation]
     stream = _FRAMING.framed(b"".join([*body, content.corrections]))
     _check_points(heads, len(stream))
     return stream
@@ -108,7 +109,8 @@ def read_stream(stream: bytes) -> LpcmStream:
         raise InputError("the stream is damaged (its step)")
     heads = _read_heads(reader)
     _check_points(heads, len(stream))
-    azimuth, radius, elevation = _read_part(reader), _read_part(reader), _read_part(reader)
+    azimuth, radius = _read_part(reader), _read_part(reader)
+    elevation = reader.take(reader.number())
     return LpcmStream(
         digest, reference, check, step, heads, azimuth, radius, elevation, reader.rest()
     )

@@ -1,4 +1,4 @@
-"""Distributions of the symbols of azimuths, radii and elevations, and their range coder.
+"""Distributions of the symbols of azimuths and radii, and their range coder.
 
 A network predicts mean and deviation of a normal distribution from the 49 preceding symbols. Its
 weights and features are rounded to fixed point, such that all sums are exact in double precision,
@@ -26,6 +26,7 @@ _WEIGHT_UNIT, _FEATURE_UNIT = 2.0**14, 2.0**14
 _MOST_WEIGHT, _MOST_FEATURE = 2.0**17, 2.0**27
 """Largest magnitudes in fixed point: sums of 256 products stay below 2^53."""
 _LEAST_DEVIATION = 0.01
+_FREQUENCIES = 2**16
 _ROWS = 4096
 """Number of symbols whose features are computed at once."""
 
@@ -90,9 +91,10 @@ def contexts_of(symbols: Ints, before: int) -> Ints:
 
 
 def code_length(symbols: Ints, distributions: Distributions) -> float:
-    """Return the bits that an ideal coder takes for symbols (n,) with these distributions.
+    """Return the bits that the authors' range coder takes for symbols (n,).
 
-    No probability is below 1e-9, as in the authors' program.
+    It has probabilities of 16 bits, and gives each value between the smallest and the largest
+    symbol at least 2^-16. Its few bytes at the end of each 200 symbols are not counted.
     """
     from scipy.special import ndtr
 
@@ -101,7 +103,8 @@ def code_length(symbols: Ints, distributions: Distributions) -> float:
     # differences in the lower tail, where they are exact
     flip = lower > 0
     probability = ndtr(np.where(flip, -lower, upper)) - ndtr(np.where(flip, -upper, lower))
-    return float(-np.log2(np.maximum(probability, 1e-9)).sum())
+    floors = (np.ptp(symbols) + 1) / _FREQUENCIES
+    return float(-np.log2(probability * (1 - floors) + 1 / _FREQUENCIES).sum())
 
 
 class SymbolWriter:

@@ -26,10 +26,11 @@ FILES = {
     "elevation": "theta_model/epoch_28.pt",
     "azimuth symbols": "entropy_model/phi.pt",
     "radius symbols": "entropy_model/r.pt",
-    "elevation symbols": "entropy_model/theta.pt",
 }
-"""Files of the authors' repository, by what their networks predict."""
-HEADS = {"azimuth symbols": 3, "radius symbols": 2, "elevation symbols": 2}
+"""Files of the authors' repository, by what their networks predict.
+
+Their program has no use for ``entropy_model/theta.pt``, which fits other symbols."""
+HEADS = {"azimuth symbols": 3, "radius symbols": 2}
 """Numbers of parameters of the distributions: mean, deviation and, of azimuths, a skew."""
 _MAX_FILE_BYTES = 2**24
 _FAULT = "not weights of Inter-LPCM"
@@ -45,14 +46,13 @@ class Layer(NamedTuple):
 
 @dataclass(frozen=True)
 class LpcmWeights:
-    """Trained weights of Inter-LPCM's five networks."""
+    """Trained weights of Inter-LPCM's four networks."""
 
     digest: bytes  # 8 bytes by which streams name the weights
     radius: RadiusNetwork
     elevation: ElevationNetwork
     azimuth_symbols: tuple[Layer, ...]
     radius_symbols: tuple[Layer, ...]
-    elevation_symbols: tuple[Layer, ...]
 
 
 def load_weights(path: str | Path) -> LpcmWeights:
@@ -61,7 +61,7 @@ def load_weights(path: str | Path) -> LpcmWeights:
     Parameters
     ----------
     path
-        An archive (``.zip``) of the repository, or a folder. It has the five files of `FILES`.
+        An archive (``.zip``) of the repository, or a folder. It has the four files of `FILES`.
 
     Raises
     ------
@@ -87,7 +87,6 @@ def load_weights(path: str | Path) -> LpcmWeights:
         network_with(ElevationNetwork, states["elevation"], faults["elevation"]),
         layers["azimuth symbols"],
         layers["radius symbols"],
-        layers["elevation symbols"],
     )
 
 

@@ -121,4 +121,4 @@ def test_every_script_is_started_or_says_why_not() -> None:
 
 def test_the_benchmarks_stay_small() -> None:
     lines = [path.read_text().count("\n") for path in (ROOT / "benchmarks").rglob("*.py")]
-    assert sum(lines) <= 4150
+    assert sum(lines) <= 4300
