@@ -128,11 +128,12 @@ def encode_turn(
     elevations = ElevationCoder.writer(len(lines.lengths), len(points))
 
     def code(kind: int, at: Ints, rows: Ints, predicted: Floats) -> Ints:
+        values = lines.radius if kind == RADIUS else lines.elevation
+        symbols = rounded(kind, values[at], predicted)
         if kind == RADIUS:
-            radius[at] = rounded(kind, lines.radius[at], predicted)
-            return radius[at]
-        symbols = rounded(kind, lines.elevation[at], predicted)
-        elevation[at] = elevations.code(symbols, rows, radius[at])
+            radius[at] = symbols
+        else:
+            elevation[at] = elevations.code(symbols, rows, radius[at])
         return symbols
 
     decoded = traverse(heads, lines.azimuth, weights, reference, code)
@@ -186,10 +187,12 @@ def decode(stream: bytes, weights: LpcmWeights, reference: Reference | None = No
 
         def code(kind: int, at: Ints, rows: Ints, _predicted: Floats) -> Ints:
             if kind == RADIUS:
-                radius[at] = _read_next(reader, network, before, rows)
-                return radius[at]
-            elevation[at] = elevations.code(elevation[at], rows, radius[at])
-            return elevation[at]
+                symbols = _read_next(reader, network, before, rows)
+                radius[at] = symbols
+            else:
+                symbols = elevations.code(np.zeros_like(at), rows, radius[at])
+                elevation[at] = symbols
+            return symbols
 
         lines = traverse(heads, steps, weights, reference, code)
     elevations.check_end()
@@ -213,7 +216,7 @@ def _corrected(points: Floats, lines: Lines, step: float) -> tuple[Ints, Floats]
 def _encoded(network: SymbolNetwork, symbols: Ints, starts: Ints, first: int) -> Part:
     """Encode symbols (n,) step by step, from step number `first` on."""
     before = USUAL_AZIMUTH_STEPS if first else 0
-    contexts = np.empty((len(symbols), HISTORY), np.int32)
+    contexts = np.empty((len(symbols), HISTORY), np.int16)
     for start, end in itertools.pairwise(starts):
         contexts[start + first : end] = contexts_of(symbols[start + first : end], before)
     order = [at for step, (at, _) in enumerate(points_at_steps(starts)) if step >= first]

@@ -120,18 +120,18 @@ class RadiusNetwork(nn.Module):
             nn.Linear(features, _RADIUS_HIDDEN), nn.ReLU(), nn.Linear(_RADIUS_HIDDEN, 1)
         )
 
-    def forward(self, history: Tensor, reference: Tensor) -> Tensor:
+    def forward(self, history: Tensor, changes: Tensor, reference: Tensor) -> Tensor:
         """Return radii, (m,) in metres.
 
         Parameters
         ----------
         history
-            (m, 49, 4), the points before.
+            (m, 49, 4), the points before, with 0 as the number of their line.
+        changes
+            (m, 48, 4), the same but the last; for the radius, its change to the next point.
         reference
             (m, 3, 20, 4), points of the preceding turn around the azimuth of the point.
         """
-        changes = history[:, :-1].clone()
-        changes[:, :, 2] = history[:, 1:, 2] - history[:, :-1, 2]
         parts = [self.linearA(self.lstmA(_scaled(history))[0][:, -1])]
         near = _scaled(reference).unbind(dim=1)
         for points, lstm, linear in zip(near, self.lstmB, self.fc_listB, strict=True):

@@ -150,7 +150,12 @@ def _changes(weights: LpcmWeights, before: Floats, azimuth: Ints) -> Floats:
 
 
 def _radii(weights: LpcmWeights, before: Floats, near: Floats) -> Floats:
-    radii: Floats = weights.radius(_tensor(before), _tensor(near)).double().numpy()
+    changes = before[:, :-1].copy()
+    changes[:, :, 2] = np.diff(before[:, :, 2], axis=1)  # in double precision, as by the authors
+    history = before.copy()
+    history[:, :, 3] = 0  # the authors' program leaves out the number of the line here alone
+    inputs = (_tensor(values) for values in (history, changes, near))
+    radii: Floats = weights.radius(*inputs).double().numpy()
     return radii
 
 

@@ -20,9 +20,10 @@ from pcc_networks.entropy_bottleneck import range_decoder
 from pcc_networks.inter_lpcm.weights import HISTORY, Doubles, Layer
 
 Ints = NDArray[np.int64]
+Integers = NDArray[np.integer[Any]]
 MAX_SYMBOL = 2**15 - 1
 """Largest magnitude of a symbol."""
-_WEIGHT_UNIT, _FEATURE_UNIT = 2.0**14, 2.0**14
+_WEIGHT_UNIT, _FEATURE_UNIT = 2.0**14, 2.0**10
 _MOST_WEIGHT, _MOST_FEATURE = 2.0**17, 2.0**27
 """Largest magnitudes in fixed point: sums of 256 products stay below 2^53."""
 _LEAST_DEVIATION = 0.01
@@ -51,7 +52,7 @@ class SymbolNetwork:
         self._matrices = [_fixed(layer.matrix, _WEIGHT_UNIT) for layer in layers]
         self._biases = [_fixed(layer.bias, _WEIGHT_UNIT) * _FEATURE_UNIT for layer in layers]
 
-    def distributions(self, contexts: Ints) -> Distributions:
+    def distributions(self, contexts: Integers) -> Distributions:
         """Return the distributions of symbols from the symbols (n, 49) before each of them."""
         parts = [self._outputs(contexts[k : k + _ROWS]) for k in range(0, len(contexts), _ROWS)]
         outputs = np.concatenate(parts) if parts else np.zeros((0, len(self._biases[-1])))
@@ -62,8 +63,8 @@ class SymbolNetwork:
             deviation = deviation * np.sqrt(1 + np.pi / 8 * np.square(skew))
         return Distributions(_hundredths(outputs[:, 0]), deviation)
 
-    def _outputs(self, contexts: Ints) -> Doubles:
-        x = self._layer(0, contexts * _FEATURE_UNIT)
+    def _outputs(self, contexts: Integers) -> Doubles:
+        x = self._layer(0, contexts.astype(np.float64) * _FEATURE_UNIT)
         x = np.maximum(x, 0)
         for k in range(1, len(self._matrices) - 1, 2):
             inner = np.maximum(self._layer(k, x), 0)
