@@ -284,6 +284,14 @@ def test_damaged_streams_end_in_one_error(weights: LpcmWeights) -> None:
     endure_damage(lambda data: decode(data, weights).points, stream, check=5, seed=3)
 
 
+def test_points_of_a_machine_that_computes_otherwise_are_refused(weights: LpcmWeights) -> None:
+    content = read_stream(encode(turn(3, 5), weights, STEP))
+    for total in (content.total + 0.01, np.nan, np.inf):
+        with pytest.raises(InputError, match="does not compute as"):
+            decode(write_stream(replace(content, total=total)), weights)
+    decode(write_stream(replace(content, total=content.total + 0.001)), weights)
+
+
 def test_a_stream_cannot_promise_points_without_bytes(weights: LpcmWeights) -> None:
     content = read_stream(encode(turn(3, 5), weights, STEP))
     lengths = np.array([5, 5, 10**6])

@@ -45,8 +45,10 @@ from pointkit.geometry.cloud import Floats, check_points
 
 USUAL_AZIMUTH_STEPS = 4
 """Azimuth symbol that stands for those before the first of a line, 0.18 degrees."""
+_TOLERANCE = 1e-4
+"""Mean difference of decoded coordinates, m, up to which machines count as equal."""
 OTHER_RESULT = (
-    "the stream decodes to other symbols than were coded: this machine does not compute as the "
+    "the stream decodes to other points than were coded: this machine does not compute as the "
     "encoder's did (or the stream is damaged)"
 )
 
@@ -110,7 +112,7 @@ def encode_turn(
     """Encode the points of a turn as `encode` does, and return all that was coded."""
     check_points(points, "inter_lpcm.encode")
     points = np.asarray(points, np.float64)
-    if not 0 < step < np.inf:
+    if not 0 < step <= MAX_RADIUS:
         raise InputError(f"a step of {step:g} m")
     if np.abs(points).max() > MAX_RADIUS / 2:
         raise InputError(f"the cloud is too wide for inter_lpcm{NARROWER}")
@@ -143,6 +145,7 @@ def encode_turn(
         _check_of(reference),
         _check(azimuth, radius, elevation, corrections),
         step,
+        float(corrected.sum()),
         heads,
         _encoded(SymbolNetwork(weights.azimuth_symbols), azimuth, lines.starts, 1),
         _encoded(SymbolNetwork(weights.radius_symbols), radius, lines.starts, 0),
@@ -200,8 +203,8 @@ def decode(stream: bytes, weights: LpcmWeights, reference: Reference | None = No
     if _check(azimuth, radius, elevation, corrections) != content.check:
         raise InputError(OTHER_RESULT)
     points = cartesian(lines) + corrections * content.step
-    if not np.isfinite(points).all():
-        raise InputError("the stream is damaged (its points)")
+    if not abs(points.sum() - content.total) <= _TOLERANCE * points.size:
+        raise InputError(OTHER_RESULT)
     return CodedTurn(stream, lines, azimuth, radius, elevation, corrections, points)
 
 

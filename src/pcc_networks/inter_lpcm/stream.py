@@ -2,7 +2,7 @@
 
 * magic "LPCM", version, CRC-32 of the rest
 * digest of the weights (8 bytes); CRC-32 of the preceding turn, or 0 without one; CRC-32 of all
-  symbols; step of the corrections in m (float64)
+  symbols; step of the corrections in m, and sum of all decoded coordinates (float64 each)
 * number of lines, and of each line: number of points, azimuth of the first point (base-128
   numbers), radius and elevation of the first point (float32 each)
 * azimuths, radii: smallest symbol and number of values (base-128 numbers), number of bytes, bytes
@@ -26,7 +26,7 @@ from pointkit.errors import InputError
 
 MAGIC, VERSION = b"LPCM", 1
 _FRAMING = Framing(MAGIC, VERSION, "Inter-LPCM")
-_HEADER = struct.Struct("<8sIId")
+_HEADER = struct.Struct("<8sIIdd")
 _FIRST = struct.Struct("<ff")
 _POINTS_PER_BYTE = 8
 """Points that a decoder accepts per byte of a stream; real turns have fewer than one."""
@@ -70,6 +70,7 @@ class LpcmStream:
     reference: int  # CRC-32 of the preceding turn, or 0
     check: int  # CRC-32 of all symbols
     step: float  # of the corrections, m
+    total: float  # sum of all decoded coordinates, m
     heads: Heads
     azimuth: Part
     radius: Part
@@ -81,7 +82,7 @@ def write_stream(content: LpcmStream) -> bytes:
     """Return the bytes of a stream; raise InputError if it has too many points for its bytes."""
     heads = content.heads
     body = [
-        _HEADER.pack(content.digest, content.reference, content.check, content.step),
+        _HEADER.pack(content.digest, content.reference, content.check, content.step, content.total),
         base_128(len(heads.lengths)),
     ]
     for length, azimuth, radius, elevation in zip(*heads, strict=True):
@@ -104,15 +105,15 @@ def read_stream(stream: bytes) -> LpcmStream:
         The stream is damaged, or of another codec or version.
     """
     reader = Reader(_FRAMING.unframed(stream)[1])
-    digest, reference, check, step = _HEADER.unpack(reader.take(_HEADER.size))
-    if not 0 < step < np.inf:
+    digest, reference, check, step, total = _HEADER.unpack(reader.take(_HEADER.size))
+    if not 0 < step <= MAX_RADIUS:
         raise InputError("the stream is damaged (its step)")
     heads = _read_heads(reader)
     _check_points(heads, len(stream))
     azimuth, radius = _read_part(reader), _read_part(reader)
     elevation = reader.take(reader.number())
     return LpcmStream(
-        digest, reference, check, step, heads, azimuth, radius, elevation, reader.rest()
+        digest, reference, check, step, total, heads, azimuth, radius, elevation, reader.rest()
     )
 
 
