@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from pcc_networks.inter_lpcm.codec import decode as decode
     from pcc_networks.inter_lpcm.codec import encode as encode
     from pcc_networks.inter_lpcm.codec import encode_turn as encode_turn
+    from pcc_networks.inter_lpcm.prediction import reference_of as reference_of
     from pcc_networks.inter_lpcm.stream import read_stream as read_stream
     from pcc_networks.inter_lpcm.weights import LpcmWeights as LpcmWeights
     from pcc_networks.inter_lpcm.weights import load_weights as load_weights
@@ -26,6 +27,7 @@ if TYPE_CHECKING:
 __getattr__, __dir__, __all__ = lazy(
     __name__,
     codec=("CodedTurn", "decode", "encode", "encode_turn"),
+    prediction=("reference_of",),
     stream=("read_stream",),
     weights=("LpcmWeights", "load_weights"),
 )
