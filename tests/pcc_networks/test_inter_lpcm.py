@@ -121,6 +121,15 @@ def test_lines_end_where_the_azimuth_falls_by_a_tenth_of_a_turn() -> None:
     assert np.abs(cartesian(lines) - points).max() < np.radians(0.045) / 2 + 1e-5
 
 
+def test_long_lines_are_cut_and_refused(weights: LpcmWeights) -> None:
+    assert lines_of(np.ones((40_000, 3))).starts.tolist() == [0, 16_384, 32_768, 40_000]
+    content = read_stream(encode(turn(1, 5), weights, STEP))
+    longer = content.heads._replace(lengths=np.array([16_385]))
+    stream = write_stream(replace(content, heads=longer, corrections=bytes(4000)))
+    with pytest.raises(InputError, match="a line"):
+        read_stream(stream)
+
+
 @pytest.mark.parametrize("length", [20, 33, 500])
 def test_the_window_of_a_line_is_around_the_nearest_azimuth(length: int) -> None:
     line = np.column_stack([4 * np.arange(length), np.arange(length), *np.zeros((2, length))])

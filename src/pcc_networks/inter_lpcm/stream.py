@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pcc_networks.inter_lpcm.symbols import MAX_SYMBOL
-from pcc_networks.inter_lpcm.turn import STEPS_PER_TURN
+from pcc_networks.inter_lpcm.turn import MAX_LINE, STEPS_PER_TURN
 from pointkit.coding.byte_io import Reader, base_128, signed_128
 from pointkit.coding.framing import Framing
 from pointkit.errors import InputError
@@ -125,7 +125,9 @@ def _read_heads(reader: Reader) -> Heads:
     for _ in range(count):
         length, azimuth = reader.number(), reader.number()
         radius, elevation = _FIRST.unpack(reader.take(_FIRST.size))
-        is_possible = length > 0 and azimuth <= STEPS_PER_TURN and 0 <= radius <= MAX_RADIUS
+        is_possible = (
+            0 < length <= MAX_LINE and azimuth <= STEPS_PER_TURN and 0 <= radius <= MAX_RADIUS
+        )
         if not is_possible or not abs(elevation) <= 90:
             raise InputError("the stream is damaged (a line)")
         rows.append((length, azimuth, radius, elevation))

@@ -1,13 +1,14 @@
 """A turn of a spinning sensor as lines of points, in the authors' spherical coordinates.
 
 A line has the points that one laser measured, in the order of the file. It ends where the azimuth
-falls by more than a tenth of a turn. Coordinates are the azimuth in steps of 0.045 degrees, the
-elevation in degrees, and the horizontal distance in metres. They are computed in single precision,
-as by the authors.
+falls by more than a tenth of a turn, or after 16,384 points. Coordinates are the azimuth in steps
+of 0.045 degrees, the elevation in degrees, and the horizontal distance in metres. They are computed
+in single precision, as by the authors.
 """
 
 from __future__ import annotations
 
+import itertools
 from typing import NamedTuple
 
 import numpy as np
@@ -21,6 +22,8 @@ STEPS_PER_TURN = 8000
 _AZIMUTH_STEP = 360 / STEPS_PER_TURN
 _DROP = STEPS_PER_TURN // 10
 """A line ends where the azimuth falls by more steps than this."""
+MAX_LINE = 2**14
+"""Largest number of points of a line: a decoder takes as many steps as the longest line has."""
 _STEEPEST = 89.5
 """Elevations are clipped to plus and minus this value, in degrees, before points are placed."""
 
@@ -67,7 +70,9 @@ def lines_of(points: Floats) -> Lines:
     single = points.astype(np.float32)
     azimuth, elevation, radius = spherical(single)
     falls = np.flatnonzero(azimuth[:-1] > azimuth[1:] + _DROP) + 1
-    starts = np.concatenate([[0], falls, [len(points)]]).astype(np.int64)
+    ends = [0, *falls.tolist(), len(points)]
+    cuts = [range(first, last, MAX_LINE) for first, last in itertools.pairwise(ends)]
+    starts = np.array([*itertools.chain(*cuts), len(points)], np.int64)
     return Lines(
         azimuth.astype(np.int64), elevation.astype(np.float64), radius.astype(np.float64), starts
     )
