@@ -19,6 +19,7 @@ import json
 import pickle
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from io import BytesIO
 from pathlib import Path
 from typing import Any, Generic
 
@@ -329,10 +330,22 @@ def read_checkpoint(path: Path, fault: str) -> dict[str, Any]:
     InputError
         If the file is damaged or is no dictionary.
     """
+    return _checkpoint(path, f"{path}: {fault}")
+
+
+def checkpoint_of(data: bytes, fault: str) -> dict[str, Any]:
+    """Return the dictionary in the bytes of a file that PyTorch saved, without running code.
+
+    Raises InputError with the message `fault` if the bytes are damaged or are no dictionary.
+    """
+    return _checkpoint(BytesIO(data), fault)
+
+
+def _checkpoint(source: Path | BytesIO, fault: str) -> dict[str, Any]:
     try:
-        checkpoint = torch.load(path, map_location="cpu", weights_only=True)
+        checkpoint = torch.load(source, map_location="cpu", weights_only=True)
     except (*_UNREADABLE, pickle.UnpicklingError) as error:
-        raise InputError(f"{path}: {fault}") from error
+        raise InputError(fault) from error
     if not isinstance(checkpoint, dict):
-        raise InputError(f"{path}: {fault}")
+        raise InputError(fault)
     return checkpoint

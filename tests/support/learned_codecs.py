@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import struct
+import zipfile
 import zlib
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
+from io import BytesIO
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -15,6 +17,8 @@ import pytest
 import torch
 
 from pcc_networks.catalogue import PCGCV1, PCGCV2
+from pcc_networks.inter_lpcm.networks import ElevationNetwork, RadiusNetwork
+from pcc_networks.inter_lpcm.weights import FILES, HEADS, layer_shapes
 from pcc_networks.octree_net import weights as octree_weights
 from pcc_networks.octree_net.inference import powers_of_two
 from pcc_networks.octree_net.model import UNITS, FixedPointLayer, OctreeNet, OctreeNetShape
@@ -161,3 +165,44 @@ def endure_damage(
             decode(bytes(damaged) + b"!")
         with suppress(InputError):
             assert np.isfinite(decode(sealed(bytes(damaged), check))).all()
+
+
+def lpcm_states(seed: int = 0) -> dict[str, dict[str, torch.Tensor]]:
+    """Random parameters of Inter-LPCM's networks, by what they predict and the authors' names."""
+    torch.manual_seed(seed)
+    states = {
+        "radius": RadiusNetwork().state_dict(),
+        "elevation": ElevationNetwork().state_dict(),
+    }
+    for name, outputs in HEADS.items():
+        layers = {key: torch.nn.Linear(*shape) for key, shape in layer_shapes(outputs).items()}
+        states[name] = {
+            f"{key}.{part}": value
+            for key, layer in layers.items()
+            for part, value in layer.state_dict().items()
+        }
+    return {name: dict(state) for name, state in states.items()}
+
+
+def save_lpcm(path: Path, states: dict[str, dict[str, torch.Tensor]] | None = None) -> None:
+    """An archive of the repository of Inter-LPCM's authors, with random weights by default."""
+    with zipfile.ZipFile(path, "w") as archive:
+        for name, state in (states or lpcm_states()).items():
+            data = BytesIO()
+            torch.save(state, data)
+            archive.writestr(f"Inter-LPCM-main/{FILES[name]}", data.getvalue())
+
+
+def lpcm_repository(folder: Path) -> Path:
+    """A copy of the repository of Inter-LPCM's authors: random weights, two small turns, poses."""
+    save_lpcm(folder / "lpcm.zip")
+    with zipfile.ZipFile(folder / "lpcm.zip") as archive:
+        archive.extractall(folder)
+    path, rng = folder / "Inter-LPCM-main", np.random.default_rng(0)
+    for place in ("test", "test_matrix"):
+        (path / place).mkdir()
+    for name in ("000001.bin", "000002.bin"):
+        points = rng.normal(0, 10, (12, 4)).astype("<f4")
+        (path / "test" / name).write_bytes(points.tobytes())
+        (path / "test_matrix" / name).write_bytes(np.eye(4, dtype="<f4").tobytes())
+    return path
