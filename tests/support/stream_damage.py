@@ -82,6 +82,7 @@ SEALS: dict[str, Callable[[bytes], bytes]] = {
     "sparse_octree_net": _sealed_at(5),
     "reno": _sealed_at(5),
     "lizip": _sealed_at(5),
+    "polopcac": _sealed_at(5),
     "primitives": _sealed_at_the_end,
     "puck": _sealed_records,
     "puck_smoothed": lambda stream: stream[:6] + _sealed_records(stream[6:]),
