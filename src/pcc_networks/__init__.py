@@ -1,9 +1,10 @@
-"""Neural networks that compress point-cloud geometry: PCGCv1, PCGCv2, sparse octree net and others.
+"""Neural networks that compress point clouds: PCGCv1, PCGCv2, sparse octree net and others.
 
-Each network is a sub-package (`pcgcv1`, `pcgcv2`, `octree_net`, `reno`, `lizip`) with three
-functions. `load_weights` reads trained weights, `encode` compresses points to bytes, and `decode`
-returns points from these bytes. They raise `pointkit.errors.InputError` if a stream is damaged,
-weights belong to another network, or points cannot be encoded.
+Each network is a sub-package (`pcgcv1`, `pcgcv2`, `octree_net`, `reno`, `lizip`, `polopcac`) with
+three functions. `load_weights` reads trained weights, `encode` compresses points to bytes, and
+`decode` returns points from these bytes; `polopcac` codes attributes of points instead. They raise
+`pointkit.errors.InputError` if a stream is damaged, weights belong to another network, or points
+cannot be encoded.
 """
 
 from typing import TYPE_CHECKING

@@ -179,4 +179,7 @@ RENO = NetworkType("reno", r"([\w.-]+)\.pt")
 """The authors' ``KITTIDetection.pt`` serves all rates."""
 LIZIP = NetworkType("lizip", r"([\w.-]+)\.bin")
 """The authors' ``mlp_c3_h256.bin`` serves all rates."""
-NETWORKS = {network.name: network for network in (PCGCV1, PCGCV2, OCTREE_NET, RENO, LIZIP)}
+POLOPCAC = NetworkType("polopcac", r"([\w.-]+)\.pt")
+"""The authors' only file is ``ckpt.pt``."""
+_NETWORKS = (PCGCV1, PCGCV2, OCTREE_NET, RENO, LIZIP, POLOPCAC)
+NETWORKS = {network.name: network for network in _NETWORKS}

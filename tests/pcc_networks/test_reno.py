@@ -16,18 +16,18 @@ import torch
 from torch.nn import functional
 
 from gpcc import decode_geometry, encode_geometry
+from pcc_networks.exponential import exponential
+from pcc_networks.range_coder import decode_symbols, encode_symbols
 from pcc_networks.reno import codec as coder_module
 from pcc_networks.reno.codec import OFFSET, decode, decode_tree, encode, encode_tree
 from pcc_networks.reno.inference import (
     convolution,
     cumulate,
-    exponential,
     head,
     predicted,
     prior_features,
     target_features,
 )
-from pcc_networks.reno.range_coder import decode_symbols, encode_symbols
 from pcc_networks.reno.stream import read_stream, write_stream
 from pcc_networks.reno.weights import RenoWeights, load_weights
 from pcc_networks.sparse.thread_pool import thread_pool

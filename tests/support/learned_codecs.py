@@ -24,6 +24,7 @@ from pcc_networks.octree_net.inference import powers_of_two
 from pcc_networks.octree_net.model import UNITS, FixedPointLayer, OctreeNet, OctreeNetShape
 from pcc_networks.pcgcv1.model import PCGCv1, Pcgcv1Shape
 from pcc_networks.pcgcv2.model import PCGCv2, Pcgcv2Shape
+from pcc_networks.polopcac.weights import shapes as polopcac_shapes
 from pcc_networks.reno.weights import shapes as reno_shapes
 from pcc_networks.weights_file import save_multi_rate
 from pointkit.errors import InputError
@@ -37,6 +38,7 @@ RATES: dict[str, dict[str, Any]] = {
     "pcgcv1_plus": {"r1": {"lmbda": 1, "scale": 0.5, "rho": 1.2}, "r2": {"lmbda": 4}},
     "pcgcv2_plus": {"r1": {"lmbda": 1}, "r2": {"lmbda": 4}},
     "sparse_octree_net": {"r1": {"scale": 0.5}, "r2": {"scale": 1}},
+    "polopcac": {"r1": {"scale": 0.5}, "r2": {"scale": 1}},
 }
 METRIC_RATES = {"r1": {"step_m": 2}, "r2": {"step_m": 1}}
 
@@ -106,17 +108,28 @@ def lizip_file(sizes: Sequence[int] = (9, 20, 40, 3), seed: int = 0) -> bytes:
     return b"".join(parts)
 
 
+def polopcac_state(channels: int = 8, layers: int = 2, seed: int = 0) -> dict[str, torch.Tensor]:
+    """Random parameters of PoLoPCAC, by the authors' names, about as large as theirs."""
+    rng = np.random.default_rng(seed)
+    state = {}
+    for name, shape in polopcac_shapes(channels, layers).items():
+        spread = 0.3 if name.endswith("bias") else 0.9 / np.sqrt(shape[1])
+        state[name] = torch.from_numpy((spread * rng.normal(size=shape)).astype(np.float32))
+    return state
+
+
 def weights_name(codec: str) -> str:
     """The name of a codec's file of weights."""
-    names = {"reno": "KITTIDetection.pt", "lizip": "mlp_c3_h20.bin"}
+    names = {"reno": "KITTIDetection.pt", "lizip": "mlp_c3_h20.bin", "polopcac": "ckpt.pt"}
     return names.get(codec, "tiny.safetensors")
 
 
 def save_tiny(codec: str, path: Path, seed: int = 0) -> None:
     """A set of random weights for a codec."""
-    if codec == "reno":
+    states = {"reno": reno_state, "polopcac": polopcac_state}
+    if codec in states:
         path.parent.mkdir(parents=True, exist_ok=True)
-        torch.save(reno_state(seed=seed), path)
+        torch.save(states[codec](seed=seed), path)
         return
     if codec == "lizip":
         path.parent.mkdir(parents=True, exist_ok=True)

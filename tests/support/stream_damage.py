@@ -83,6 +83,7 @@ SEALS: dict[str, Callable[[bytes], bytes]] = {
     "reno": _sealed_at(5),
     "lizip": _sealed_at(5),
     "inter_lpcm": _sealed_at(5),
+    "polopcac": _sealed_at(5),
     "primitives": _sealed_at_the_end,
     "puck": _sealed_records,
     "puck_smoothed": lambda stream: stream[:6] + _sealed_records(stream[6:]),

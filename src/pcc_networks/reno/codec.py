@@ -12,15 +12,13 @@ from collections.abc import Callable, Iterator
 import numpy as np
 from numpy.typing import NDArray
 
+from pcc_networks.range_coder import Cumulative, Symbols, decode_symbols, encode_symbols
 from pcc_networks.reno.inference import (
-    Cumulative,
     Occupancy,
-    Symbols,
     predicted,
     prior_features,
     target_features,
 )
-from pcc_networks.reno.range_coder import decode_symbols, encode_symbols
 from pcc_networks.reno.stream import (
     MAX_BASE,
     MAX_LEVEL,

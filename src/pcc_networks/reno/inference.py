@@ -2,7 +2,7 @@
 
 Encoder and decoder agree to the last bit. The order of IEEE 754 operations does not depend on the
 number of threads (see `add_products`). The exponential function, which libraries round differently,
-is computed here.
+is that of `pcc_networks.exponential`.
 """
 
 from __future__ import annotations
@@ -14,25 +14,19 @@ from functools import cache
 import numpy as np
 from numpy.typing import NDArray
 
+from pcc_networks.exponential import exponential
+from pcc_networks.range_coder import CDF_BITS, Cumulative, Symbols
 from pcc_networks.reno.weights import VALUES, Floats32, RenoWeights
 from pcc_networks.sparse.thread_pool import Scratch, ThreadPool
 from pcc_networks.sparse.voxels import OFFSETS, NeighbourTable
 from pointkit.coding.intrinsics import add_products
 from pointkit.compiling import compiled
 
-Symbols = NDArray[np.uint8]
-Cumulative = NDArray[np.int32]
-"""Cumulative frequencies (n, 17) of symbols: from 0 to 65,536, strictly increasing."""
-CDF_BITS = 16
 _BLOCK_ROWS = 128
 """Rows whose sums fit the first-level cache."""
 _ZERO = np.float32(0)
 _SPREAD = float(2**CDF_BITS - VALUES)
 """Total frequency, minus 1 for each of the 16 values."""
-_LEAST_EXPONENT = 64
-_POWERS = 2.0 ** np.arange(-_LEAST_EXPONENT, 1)
-_TERMS = np.array([1 / math.factorial(n) for n in range(13, -1, -1)])
-_LOG2_E, _LN_2 = 1 / math.log(2), math.log(2)
 
 
 @cache
@@ -131,20 +125,6 @@ def cumulate(logits: Floats32, at: int, out: Cumulative) -> None:
         out[j] = np.int64(math.floor(share * _SPREAD + 0.5)) + j
         cumulative += exponential(np.float64(logits[at + j]) - max_logit)
     out[VALUES] = 2**CDF_BITS
-
-
-@compiled
-def exponential(x: float) -> float:
-    """Return the exponential of x <= 0, accurate to about 1e-14; below -44, the result is 0."""
-    if not -44.0 < x <= 0.0:
-        return 0.0 * x  # NaN for a NaN or infinite x
-    power = math.floor(x * _LOG2_E + 0.5)
-    remainder = x - power * _LN_2
-    total = _TERMS[0]
-    for k in range(1, len(_TERMS)):
-        total = total * remainder + _TERMS[k]
-    result: float = total * _POWERS[np.int64(power) + _LEAST_EXPONENT]
-    return result
 
 
 Occupancy = NDArray[np.uint8]

@@ -10,7 +10,7 @@ from puckbench.scene_sets.fetch import fetch_data
 
 def arguments(parser: argparse.ArgumentParser) -> None:
     add = parser.add_argument
-    weights = "pcgc_weights, reno_weights, lizip_weights"
+    weights = "pcgc_weights, reno_weights, lizip_weights, polopcac_weights"
     recorded = "ouster_recordings, sfnd_lidar_1, sfnd_lidar_2, sfnd_tracking, inter_lpcm_turns"
     text = f"sets to download (default: captured_rooms, sweethome3d); also {weights}, {recorded}"
     add("names", nargs="*", help=text)

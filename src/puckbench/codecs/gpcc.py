@@ -55,7 +55,7 @@ multiplied."""
 NO_ATTRIBUTES: Attributes = MappingProxyType({})
 _NAMES = {"color": COLOUR, "reflectance": REFLECTANCE}
 _LABELS = {name: label for label, name in _NAMES.items()}
-_MOST_STEPS = float(2**MOST_BITS - 2)
+MOST_STEPS = float(2**MOST_BITS - 2)
 """Largest extent along an axis, in steps of the grid."""
 LOSSLESS_STEP_M = 0.002
 """Largest grid step (m) at which coding of a sensor's points counts as lossless."""
@@ -123,7 +123,7 @@ class GridCodec(Codec):
         self.grid = finest_step(self)
 
     def skip(self, cloud: CloudKind, rate: str) -> str | None:
-        most_m = _MOST_STEPS * parameters_of(self, rate).get("step_m", math.inf)
+        most_m = MOST_STEPS * parameters_of(self, rate).get("step_m", math.inf)
         return (
             super().skip(cloud, rate)
             or grid_fault(self, cloud.frame, rate)

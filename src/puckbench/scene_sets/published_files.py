@@ -28,6 +28,7 @@ TABLES = {
     PCGC: "published_weights.yaml",
     "reno_weights": "reno_weights.yaml",
     "lizip_weights": "lizip_weights.yaml",
+    "polopcac_weights": "polopcac_weights.yaml",
     "ouster_recordings": "ouster_recordings.yaml",
     "sfnd_lidar_1": "sfnd_lidar_1.yaml",
     "sfnd_lidar_2": "sfnd_lidar_2.yaml",

@@ -22,7 +22,7 @@ from puckbench.checks.clouds import UNITS_PER_METRE, dense_surface, surface
 from puckbench.checks.registry import Check, checks
 from puckbench.checks.subject import Subject, estimates
 from puckbench.checks.supervision import run_check
-from puckbench.codecs import lizip, reno
+from puckbench.codecs import lizip, polopcac, reno
 from puckbench.codecs.base import Codec, Parameters
 from puckbench.codecs.coding import why_not_here
 from puckbench.codecs.external import ExternalCodec
@@ -75,6 +75,7 @@ class Case:
 PUBLISHED_WEIGHTS = {
     "reno": f"{reno.PUBLISHED_WEIGHTS}/KITTIDetection.pt",
     "lizip": f"{lizip.PUBLISHED_WEIGHTS}/mlp_c3_h256.bin",
+    "polopcac": f"{polopcac.PUBLISHED_WEIGHTS}/ckpt.pt",
 }
 """Where codecs look for their authors' weights."""
 

@@ -17,7 +17,7 @@ from puckbench.codecs.returns_codec import ReturnsCodec
 from tests.support.codecs import decode, encode
 from tests.support.learned_codecs import changes, save_tiny, weights_name
 
-NETWORKS = ("sparse_octree_net", "reno")
+NETWORKS = ("sparse_octree_net", "reno", "polopcac")
 AT_LENGTHS = [
     name
     for name, kind in codecs().items()

@@ -16,7 +16,7 @@ from puckbench.core.packages import package_folders
 
 LEARNED = (
     *("pcgcv1", "pcgcv1_plus", "pcgcv2", "pcgcv2_plus", "pcgcv2_plus_rooms", "reno"),
-    *("inter_lpcm", "lizip", "sparse_octree_net"),
+    *("inter_lpcm", "lizip", "polopcac", "sparse_octree_net"),
 )
 MISSING = "pcc_networks not installed: pip install 'puckbench[learned]'"
 

@@ -168,6 +168,13 @@ def test_the_weights_of_lizip_have_a_commit_a_licence_and_hashes() -> None:
     assert "MIT License" in SOURCES["lizip_weights"].credits(Path())
 
 
+def test_the_weights_of_polopcac_have_digests_and_a_licence() -> None:
+    table = published_files.published("polopcac_weights")
+    assert table["files"].keys() == {"ckpt.pt", "LICENSE-POLOPCAC"}
+    assert all(len(about["sha256"]) == 64 for about in table["files"].values())
+    assert "MIT License" in SOURCES["polopcac_weights"].credits(Path())
+
+
 def test_recordings_of_ouster_sensors_have_metadata_digests_and_a_licence() -> None:
     table = published_files.published("ouster_recordings")
     assert all(len(about["sha256"]) == 64 for about in table["files"].values())
