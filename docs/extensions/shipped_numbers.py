@@ -226,9 +226,10 @@ def _perception_order(column: str) -> list[str]:
 
 @shown
 def perception_bits_table() -> str:
-    """Bits per return from which on each task is not worse, with the rate, by codec."""
-    bits, style = bits_needed(_losses_of_tasks()), results("perception").style
-    codecs, rows = _perception_order("codec"), []
+    """Bits per return from which on each task is not worse, with the rate, by codec of returns."""
+    losses, style = _losses_of_tasks(), results("perception").style
+    bits, codecs, rows = bits_needed(losses), _ALONG_RAYS, []
+    lowest = losses.groupby(["dataset", "codec"])["bits"].min()
     for task in dict.fromkeys(bits["task"]):
         for dataset in _perception_order("dataset"):
             part = bits[(bits["task"] == task) & (bits["dataset"] == dataset)].set_index("codec")
@@ -236,38 +237,49 @@ def perception_bits_table() -> str:
                 continue
             first = part.iloc[0]
             head = f"{first['task_title']}; {style.title(dataset)} ({first['scenes']})"
-            cells = [_bits_cell(part.loc[codec]) if codec in part.index else "" for codec in codecs]
+            cells = [_bits_cell(part.loc[codec], lowest[dataset, codec]) for codec in codecs]
             rows.append([head, f"{first['undecoded']:.1f}", *cells])
     return lines(["task; scans (scenes)", "undecoded, %", *(f"`{name}`" for name in codecs)], rows)
 
 
-def _bits_cell(row: Any) -> str:
+def _bits_cell(row: Any, lowest: float) -> str:
     if pd.isna(row["bits"]):
         return f"none up to {row['most_bits']:.2f}"
-    return f"{row['bits']:.2f} ({row['rate']})"
+    return f"{'≤ ' if row['bits'] <= lowest else ''}{row['bits']:.2f} ({row['rate']})"
 
 
 @shown
 def perception_losses_table() -> str:
-    """Losses of mean IoU by our network for steps of `puck` and `gpcc`, with what `gpcc` loses by
-    holes and by displacement, and, by its decoded points alone, the loss that most papers report.
+    """Losses of mean IoU by our network for steps of `puck`, `gpcc` and `draco`.
+
+    The last columns are the losses by the decoded points alone.
     """
     made, style, rows = with_scenes(results("perception").metrics), results("perception").style, []
     for dataset in _perception_order("dataset"):
         for rate in ("500mm", "200mm", "100mm"):
             named = (made["dataset"] == dataset) & (made["rate"] == rate)
-            texts = []
-            for codec in ("puck", "gpcc"):
+            asked, alone = [], []
+            for codec in ("puck", "gpcc", "draco"):
                 part = made[named & (made["codec"] == codec)].groupby(SCENE).mean(numeric_only=True)
-                undecoded, coded, decoded, dropped = (
+                undecoded, coded, decoded = (
                     part[f"segmentation_{way}miou_percent"]
-                    for way in ("undecoded_", "", "decoded_", "dropped_")
+                    for way in ("undecoded_", "", "decoded_")
                 )
-                texts.append(f"{part['bpp'].mean():.2f} bits: {_estimate(undecoded - coded)}")
-            by_cause = (undecoded - dropped, dropped - coded, undecoded - decoded)
-            rows.append([f"{style.title(dataset)}, {rate}", *texts, *map(_estimate, by_cause)])
-    heads = ["scans, step", "`puck`", "`gpcc`", "of it holes", "of it displacement"]
-    return lines([*heads, "`gpcc`, decoded points alone"], rows)
+                bits = part["bpp"].mean()
+                asked.append(f"{bits:.2f} bits: {_estimate(undecoded - coded)}")
+                alone.append(_estimate(undecoded - decoded))
+            rows.append([f"{style.title(dataset)}, {rate}", *asked, *alone[1:]])
+    heads = ["scans, step", "`puck`", "`gpcc`", "`draco`"]
+    return lines([*heads, "`gpcc`, decoded alone", "`draco`, decoded alone"], rows)
+
+
+@shown
+def perception_phase() -> str:
+    """Mean losses of two codecs that decode the same positions."""
+    losses = _losses_of_tasks()
+    named = (losses["dataset"] == "hdl64e") & (losses["task"] == "segmentation")
+    values = losses[named & (losses["rate"] == "200mm")].set_index("codec")["loss"]
+    return f"{values['draco']:.1f} and {values['gpcc']:.1f} points"
 
 
 def _estimate(values: pd.Series[float]) -> str:
