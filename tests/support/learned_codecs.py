@@ -38,8 +38,9 @@ RATES: dict[str, dict[str, Any]] = {
     "pcgcv1_plus": {"r1": {"lmbda": 1, "scale": 0.5, "rho": 1.2}, "r2": {"lmbda": 4}},
     "pcgcv2_plus": {"r1": {"lmbda": 1}, "r2": {"lmbda": 4}},
     "sparse_octree_net": {"r1": {"scale": 0.5}, "r2": {"scale": 1}},
-    "polopcac": {"r1": {"scale": 0.5}, "r2": {"scale": 1}},
 }
+"""Rates of the codecs whose weights the workflow trains."""
+SCALES = {"r1": {"scale": 0.5}, "r2": {"scale": 1}}
 METRIC_RATES = {"r1": {"step_m": 2}, "r2": {"step_m": 1}}
 
 
@@ -148,6 +149,8 @@ def changes(codec: str, weights: Path | str, **more: Any) -> dict[str, Any]:
     options = {"weights": str(weights), **more}
     if codec in ("reno", "lizip"):
         return {"metric_rates": METRIC_RATES, "options": options}
+    if codec == "polopcac":
+        return {"rates": SCALES, "options": options}
     rates = RATES[codec if codec in RATES else f"{codec}_plus"]  # as published: the same
     return {"rates": rates, "options": options}
 

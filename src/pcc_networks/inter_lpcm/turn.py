@@ -87,7 +87,7 @@ def spherical(
     """
     x, y, z = points.T
     distance = np.sqrt(np.square(x) + np.square(y) + np.square(z))
-    with np.errstate(invalid="ignore"):
+    with np.errstate(divide="ignore", invalid="ignore"):
         elevation = np.rad2deg(np.arcsin(z / distance))
     degrees = np.rad2deg(np.arctan2(y, x))
     azimuth = np.round(np.where(degrees < 0, degrees + 360, degrees) / _AZIMUTH_STEP)

@@ -16,7 +16,9 @@ from pcc_networks.lizip.compression import Compression
 from pcc_networks.lizip.inference import predicted, steps_of
 from pcc_networks.lizip.stream import (
     BLOCK,
+    LEAST_SCALE,
     MAX_POINTS,
+    MOST_SCALE,
     LizipStream,
     Words,
     number_of,
@@ -64,13 +66,15 @@ def encode(
     Raises
     ------
     InputError
-        If points are not finite or need more than 32 bits per coordinate, or are so many and so
-        regular that a decoder would refuse the stream.
+        If the step is not from 1e-7 to 1000 m, or points are not finite or need more than 32 bits
+        per coordinate, or are so many and so regular that a decoder would refuse the stream.
     """
     check_points(points, "lizip.encode")
     if len(points) > MAX_POINTS:
         raise InputError(f"the cloud has {len(points)} points, more than {MAX_POINTS}")
     scale = np.float32(1 / step_m)
+    if not LEAST_SCALE <= scale <= MOST_SCALE:
+        raise InputError(f"lizip.encode: step_m is {step_m:g}, not from 1e-07 to 1000 m")
     if np.abs(points).max() * float(scale) >= _MOST_STEPS - 1:
         raise InputError(f"the cloud needs more than 32 bits per coordinate{NARROWER}")
     single = points.astype(np.float32)

@@ -36,7 +36,8 @@ _FRAMING = Framing(MAGIC, VERSION, "LiZIP")
 _OURS = struct.Struct("<8sI")
 _THEIRS = struct.Struct("<4sBB2sIIfI")
 _THEIR_MAGIC, _SHUFFLED = b"LIZP", 3
-_LEAST_SCALE, _MOST_SCALE = 1e-3, 1e7
+LEAST_SCALE, MOST_SCALE = 1e-3, 1e7
+"""Limits of the steps in a metre."""
 Words = NDArray[np.int32]
 
 
@@ -129,7 +130,7 @@ def read_stream(stream: bytes) -> LizipStream:
     packed = body[_OURS.size + _THEIRS.size :]
     content = LizipStream(digest, check, points, scale, compressor, packed)
     known = (magic, head, zeros, kind) == (_THEIR_MAGIC, HEAD, bytes(2), _SHUFFLED)
-    if not known or blocks != content.blocks or not _LEAST_SCALE <= scale <= _MOST_SCALE:
+    if not known or blocks != content.blocks or not LEAST_SCALE <= scale <= MOST_SCALE:
         raise InputError("the stream is damaged (its header)")
     check_work(content)
     return content
