@@ -31,11 +31,7 @@ from pcc_networks.inter_lpcm.symbols import (
 from pcc_networks.inter_lpcm.turn import cartesian, lines_of
 from pcc_networks.inter_lpcm.weights import FILES, LpcmWeights
 from pointkit.errors import InputError
-from puckbench.codecs.base import CloudKind
-from puckbench.codecs.registry import open_codec
-from tests.support.codecs import decode as decode_with
-from tests.support.codecs import encode as encode_with
-from tests.support.learned_codecs import endure_damage, lpcm_states, save_lpcm
+from tests.support.learned_codecs import endure_damage, lpcm_states, lpcm_turn, save_lpcm
 
 pytestmark = pytest.mark.usefixtures("one_thread")
 STEP = 0.02
@@ -54,18 +50,6 @@ def weights(archive: Path) -> LpcmWeights:
     return load_weights(archive)
 
 
-def turn(lines: int = 10, points: int = 12, seed: int = 0) -> np.ndarray:
-    """Points (lines * points, 3) on a wall and a floor, laser after laser, with noise."""
-    rng = np.random.default_rng(seed)
-    azimuth = np.sort(rng.random((lines, points)), axis=1) * 2 * np.pi
-    elevation = np.radians(np.linspace(2, -20, lines))[:, None] + rng.normal(0, 1e-4, azimuth.shape)
-    radius = np.minimum(10 + 2 * np.sin(azimuth), 1.7 / np.maximum(np.tan(-elevation), 1e-3))
-    radius = radius + rng.normal(0, 0.02, radius.shape)
-    return np.stack(
-        [radius * np.cos(azimuth), radius * np.sin(azimuth), radius * np.tan(elevation)], axis=-1
-    ).reshape(-1, 3)
-
-
 ODD = {
     "in no order": np.random.default_rng(1).normal(0, 20, (60, 3)),
     "one point": np.array([[3.0, 4.0, 5.0]]),
@@ -76,7 +60,7 @@ ODD = {
 
 @pytest.mark.parametrize("name", ["a turn", *ODD])
 def test_points_keep_their_order_and_place(weights: LpcmWeights, name: str) -> None:
-    points = turn() if name == "a turn" else ODD[name]
+    points = lpcm_turn() if name == "a turn" else ODD[name]
     coded = encode_turn(points, weights, STEP)
     decoded = decode(coded.stream, weights)
     assert np.abs(decoded.points - points).max() <= STEP / 2 + 1e-9
@@ -85,9 +69,9 @@ def test_points_keep_their_order_and_place(weights: LpcmWeights, name: str) -> N
 
 
 def test_a_preceding_turn_predicts_and_must_be_the_same(weights: LpcmWeights) -> None:
-    points, pose = turn(), np.eye(4)
+    points, pose = lpcm_turn(), np.eye(4)
     pose[0, 3] = -0.5
-    reference = reference_of(turn(seed=1), pose)
+    reference = reference_of(lpcm_turn(seed=1), pose)
     assert len(reference.lines) == 10
     coded = encode_turn(points, weights, STEP, reference)
     alone = encode_turn(points, weights, STEP)
@@ -123,7 +107,7 @@ def test_lines_end_where_the_azimuth_falls_by_a_tenth_of_a_turn() -> None:
 
 def test_long_lines_are_cut_and_refused(weights: LpcmWeights) -> None:
     assert lines_of(np.ones((40_000, 3))).starts.tolist() == [0, 16_384, 32_768, 40_000]
-    content = read_stream(encode(turn(1, 5), weights, STEP))
+    content = read_stream(encode(lpcm_turn(1, 5), weights, STEP))
     longer = content.heads._replace(lengths=np.array([16_385]))
     stream = write_stream(replace(content, heads=longer, corrections=bytes(4000)))
     with pytest.raises(InputError, match="a line"):
@@ -289,12 +273,12 @@ def test_corrections_of_any_size_decode() -> None:
 
 
 def test_damaged_streams_end_in_one_error(weights: LpcmWeights) -> None:
-    stream = encode(turn(3, 5), weights, STEP)
+    stream = encode(lpcm_turn(3, 5), weights, STEP)
     endure_damage(lambda data: decode(data, weights).points, stream, check=5, seed=3)
 
 
 def test_points_of_a_machine_that_computes_otherwise_are_refused(weights: LpcmWeights) -> None:
-    content = read_stream(encode(turn(3, 5), weights, STEP))
+    content = read_stream(encode(lpcm_turn(3, 5), weights, STEP))
     for total in (content.total + 0.01, np.nan, np.inf):
         with pytest.raises(InputError, match="does not compute as"):
             decode(write_stream(replace(content, total=total)), weights)
@@ -302,7 +286,7 @@ def test_points_of_a_machine_that_computes_otherwise_are_refused(weights: LpcmWe
 
 
 def test_a_stream_cannot_promise_points_without_bytes(weights: LpcmWeights) -> None:
-    content = read_stream(encode(turn(3, 5), weights, STEP))
+    content = read_stream(encode(lpcm_turn(3, 5), weights, STEP))
     lengths = np.array([5, 5, 10**6])
     with pytest.raises(InputError, match="too many points for the size"):
         write_stream(replace(content, heads=content.heads._replace(lengths=lengths)))
@@ -314,7 +298,7 @@ def test_points_that_cannot_be_coded_are_refused(weights: LpcmWeights) -> None:
         (np.full((3, 3), 1e6), STEP, "too wide"),
         (np.array([[0.0, 0, 3000], [1, 0, 0]]), STEP, "too wide for steps"),
         (np.array([[1.0, 0, 0], [3000, 0, 0]]), 1.0, "too far from each other"),
-        (turn(), 0.0, "a step of 0 m"),
+        (lpcm_turn(), 0.0, "a step of 0 m"),
     ):
         with pytest.raises(InputError, match=message):
             encode(points, weights, step)
@@ -344,19 +328,3 @@ def test_damaged_weights_are_refused(tmp_path: Path, name: str) -> None:
     (tmp_path / "a.zip").write_bytes(b"PK")
     with pytest.raises(InputError, match="no archive"):
         load_weights(tmp_path / "a.zip")
-
-
-def test_the_codec_codes_metres_and_finds_its_weights(archive: Path, tmp_path: Path) -> None:
-    codec = open_codec("inter_lpcm", {"options": {"weights": str(archive)}})
-    stream = encode_with(codec, turn(), "20mm")
-    assert np.abs(decode_with(codec, stream) - turn()).max() <= 0.01 + 1e-9
-    wide = CloudKind("metric", extent_m=400)
-    assert "400 m wide" in str(codec.skip(wide, "20mm"))
-    assert codec.weights("20mm") == archive
-    assert "no weights: set the option weights" in str(
-        open_codec("inter_lpcm").skip(CloudKind("metric"), "20mm")
-    )
-    save_lpcm(tmp_path / "b.zip", lpcm_states(seed=1))
-    other = open_codec("inter_lpcm", {"options": {"weights": str(tmp_path / "b.zip")}})
-    with pytest.raises(InputError, match="made with other weights"):
-        decode_with(other, stream)

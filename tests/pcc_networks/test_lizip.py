@@ -218,6 +218,9 @@ def test_what_a_decoder_would_refuse_is_not_encoded(
 ) -> None:
     with pytest.raises(InputError, match="more than 32 bits per coordinate"):
         encode(np.array([[0.0, 0, 0], [21_475, 0, 0]]), weights, STEP)
+    for step in (1e4, 1e-8):
+        with pytest.raises(InputError, match="step_m is"):
+            encode(scan(11), weights, step)
     monkeypatch.setattr(coder_module, "MAX_POINTS", 10)
     with pytest.raises(InputError, match="11 points, more than 10"):
         encode(scan(11), weights, STEP)

@@ -222,3 +222,15 @@ def lpcm_repository(folder: Path) -> Path:
         (path / "test" / name).write_bytes(points.tobytes())
         (path / "test_matrix" / name).write_bytes(np.eye(4, dtype="<f4").tobytes())
     return path
+
+
+def lpcm_turn(lines: int = 10, points: int = 12, seed: int = 0) -> np.ndarray:
+    """Points (lines * points, 3) on a wall and a floor, laser after laser, with noise."""
+    rng = np.random.default_rng(seed)
+    azimuth = np.sort(rng.random((lines, points)), axis=1) * 2 * np.pi
+    elevation = np.radians(np.linspace(2, -20, lines))[:, None] + rng.normal(0, 1e-4, azimuth.shape)
+    radius = np.minimum(10 + 2 * np.sin(azimuth), 1.7 / np.maximum(np.tan(-elevation), 1e-3))
+    radius = radius + rng.normal(0, 0.02, radius.shape)
+    return np.stack(
+        [radius * np.cos(azimuth), radius * np.sin(azimuth), radius * np.tan(elevation)], axis=-1
+    ).reshape(-1, 3)
