@@ -54,4 +54,5 @@ def test_another_attempt_gets_more_memory() -> None:
 @pytest.mark.parametrize("codec", codecs())
 def test_a_network_gets_most_memory(codec: str) -> None:
     memory_mb = costs_of(open_codec(codec)).memory_of(1_000_000)
-    assert (memory_mb > 2000) == issubclass(codec_class(codec), Learned)
+    is_large = issubclass(codec_class(codec), Learned) and codec != "lizip"  # without PyTorch
+    assert (memory_mb > 2000) == is_large
