@@ -14,8 +14,7 @@ from __future__ import annotations
 
 import argparse
 import lzma
-import time
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -23,6 +22,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 from benchmarks.claims.scenes import report, scanned, street_names
+from benchmarks.performance.rows import least_seconds
 from numpy.typing import NDArray
 
 from cloud_files.clouds import read_cloud
@@ -120,16 +120,6 @@ def differences(points: Floats, step: float) -> bytes:
     return lzma.compress(planes.T.tobytes(), preset=9)
 
 
-def seconds(call: Callable[[], bytes]) -> float:
-    """Return the least processor time of several calls."""
-    times = []
-    for _ in range(REPEATS):
-        start = time.process_time()
-        call()
-        times.append(time.process_time() - start)
-    return min(times)
-
-
 def measured(frame: Frame, step: float) -> dict[str, float]:
     """Return bits per point by format and order, and seconds."""
     bits: dict[str, float] = {}
@@ -150,8 +140,8 @@ def measured(frame: Frame, step: float) -> dict[str, float]:
         note(f"Cloudini as in {name}", cloudini(frame.xyz, resolution))
         side = float(np.ptp(frame.xyz, axis=0).max())
         bits[f"Draco as in {name}: step, mm"] = 1000 * side / (2**width - 1)
-    bits["Cloudini: seconds"] = seconds(lambda: cloudini(frame.xyz, step))
-    bits["Draco: seconds"] = seconds(lambda: draco(frame.xyz, step=step))
+    bits["Cloudini: seconds"] = least_seconds(lambda: cloudini(frame.xyz, step), REPEATS)
+    bits["Draco: seconds"] = least_seconds(lambda: draco(frame.xyz, step=step), REPEATS)
     return bits
 
 

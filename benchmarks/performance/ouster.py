@@ -13,30 +13,20 @@ repeats; they include reading and writing files, and for OSF exclude decoding th
 from __future__ import annotations
 
 import argparse
-import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from importlib.util import find_spec
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
-from benchmarks.performance.rows import Inputs, MissingProgramError, Row
+from benchmarks.performance.rows import Inputs, MissingProgramError, Row, least_seconds
 
 from puck import CodingOptions, compress, decompress
 from puck.options import EFFORTS
 from puck.recordings.ouster import metadata_beside
 
 LEVELS = {"OSF, level 1": 1, "OSF, level 9": 9}
-
-
-def least_seconds(call: Callable[[], object], repeats: int) -> float:
-    seconds = []
-    for _ in range(max(repeats, 1)):
-        start = time.process_time()
-        call()
-        seconds.append(time.process_time() - start)
-    return min(seconds)
 
 
 def frames_of(source: Any) -> list[Any]:

@@ -18,14 +18,14 @@ from __future__ import annotations
 import argparse
 import lzma
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from functools import partial
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
 import numpy as np
 from benchmarks.clouds import write_recording
-from benchmarks.performance.rows import Inputs, Row
+from benchmarks.performance.rows import Inputs, Row, least_seconds
 
 from pointkit.lidar.turns import Layout, Turn
 from puck import CodingOptions, compress, decode_turns, decompress, encode_turns
@@ -129,15 +129,6 @@ def another(path: Path, random: np.random.Generator) -> bytes:
     ranges += ((ranges > 1) * random.integers(-1, 2, ranges.shape)).astype(np.uint16)
     data[bytes_of_packets] = packets.view(np.uint8).reshape(-1, PACKET_BYTES)
     return data.tobytes()
-
-
-def least_seconds(call: Callable[[], object], repeats: int) -> float:
-    seconds = []
-    for _ in range(max(repeats, 1)):
-        start = time.process_time()
-        call()
-        seconds.append(time.process_time() - start)
-    return min(seconds)
 
 
 def ten_in_one(paths: Sequence[Path], repeats: int) -> Iterator[Row]:

@@ -6,7 +6,8 @@ is measured; `benchmarks.performance.measure` lists these functions.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+import time
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -101,3 +102,13 @@ class Row:
 def number_text(value: float) -> str:
     """Return a whole number with all its digits, and any other with three or four."""
     return f"{value:,.0f}" if value == int(value) or value >= 1000 else f"{value:.3g}"
+
+
+def least_seconds(call: Callable[[], object], repeats: int) -> float:
+    """Return the least processor time, s, of repeated calls; there is one call at least."""
+    seconds = []
+    for _ in range(max(repeats, 1)):
+        start = time.process_time()
+        call()
+        seconds.append(time.process_time() - start)
+    return min(seconds)

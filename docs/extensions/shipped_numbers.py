@@ -209,13 +209,11 @@ def noise_scenes() -> str:
 
 # ---- perception
 
-_ALONG_RAYS = ("puck", "gpcc_predictive")
-
 
 @cache
 def _losses_of_tasks() -> pd.DataFrame:
     made = results("perception")
-    return perception_losses(made.metrics, clouds=made.table("clouds"), along_rays=_ALONG_RAYS)
+    return perception_losses(made.metrics, clouds=made.table("clouds"))
 
 
 def _perception_order(column: str) -> list[str]:
@@ -228,7 +226,9 @@ def _perception_order(column: str) -> list[str]:
 def perception_bits_table() -> str:
     """Bits per return from which on each task is not worse, with the rate, by codec of returns."""
     losses, style = _losses_of_tasks(), results("perception").style
-    bits, codecs, rows = bits_needed(losses), _ALONG_RAYS, []
+    of_returns = set(losses[losses["along_rays"]]["codec"])
+    codecs = [codec for codec in _perception_order("codec") if codec in of_returns]
+    bits, rows = bits_needed(losses), []
     lowest = losses.groupby(["dataset", "codec"])["bits"].min()
     for task in dict.fromkeys(bits["task"]):
         for dataset in _perception_order("dataset"):
@@ -442,8 +442,11 @@ _D1_D2 = ("d1_psnr", "d2_psnr")
 
 
 def _delta(codec: str, dataset: str, metric: str, study: str = "evidence") -> str:
-    part = rows_of(study, "bd_rate", codec=codec, dataset=dataset, metric=metric)
-    return delta_text(part.iloc[0].to_dict() if len(part) else None)
+    return _text_of(rows_of(study, "bd_rate", codec=codec, dataset=dataset, metric=metric))
+
+
+def _text_of(deltas: pd.DataFrame) -> str:
+    return delta_text(deltas.iloc[0].to_dict() if len(deltas) else None)
 
 
 def deltas(codec: str, datasets: Sequence[str]) -> str:
@@ -485,10 +488,10 @@ def primitives_pairs() -> str:
         for anchor in names:
             pair = {"codec": "primitives", "dataset": dataset, "anchor": anchor}
             cells = [_DATASETS[dataset], f"`{anchor}`"]
-            for metric in _D1_D2:
-                part = rows_of("evidence", "bd_rate_pairs", metric=metric, **pair)
-                cells.append(delta_text(part.iloc[0].to_dict() if len(part) else None))
-            rows.append(cells)
+            pairs = (
+                rows_of("evidence", "bd_rate_pairs", metric=metric, **pair) for metric in _D1_D2
+            )
+            rows.append([*cells, *map(_text_of, pairs)])
     return lines(["clouds", "against", "BD-rate, D1", "BD-rate, D2"], rows)
 
 

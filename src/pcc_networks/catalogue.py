@@ -22,7 +22,7 @@ SUFFIX = ".safetensors"
 HEADER_KEY = "puckbench"
 """Key of the JSON header in the metadata of a file."""
 MAX_FILE_BYTES = 2**28
-_PUBLISHED = (".npz", ".pth", ".pt", ".bin")
+_PUBLISHED = (".npz", ".pth", ".pt", ".bin", ".zip")
 
 
 class WeightsHeader(Model):
@@ -181,5 +181,7 @@ LIZIP = NetworkType("lizip", r"([\w.-]+)\.bin")
 """The authors' ``mlp_c3_h256.bin`` serves all rates."""
 POLOPCAC = NetworkType("polopcac", r"([\w.-]+)\.pt")
 """The authors' only file is ``ckpt.pt``."""
-_NETWORKS = (PCGCV1, PCGCV2, OCTREE_NET, RENO, LIZIP, POLOPCAC)
+INTER_LPCM = NetworkType("inter_lpcm", r"(.+)\.zip")
+"""An archive of the authors' repository has the files of all networks."""
+_NETWORKS = (PCGCV1, PCGCV2, OCTREE_NET, RENO, LIZIP, POLOPCAC, INTER_LPCM)
 NETWORKS = {network.name: network for network in _NETWORKS}

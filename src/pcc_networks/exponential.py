@@ -16,7 +16,10 @@ _LOG2_E, _LN_2 = 1 / math.log(2), math.log(2)
 
 @compiled
 def exponential(x: float) -> float:
-    """Return the exponential of x <= 0, accurate to about 1e-14; below -44, the result is 0."""
+    """Return e to the power of x, where x <= 0, with a relative error of about 1e-14.
+
+    The result is 0 for x below -44, and NaN if x is NaN or infinite.
+    """
     if not -44.0 < x <= 0.0:
         return 0.0 * x  # NaN for a NaN or infinite x
     power = math.floor(x * _LOG2_E + 0.5)

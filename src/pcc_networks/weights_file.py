@@ -17,7 +17,8 @@ if TYPE_CHECKING:
 import hashlib
 import json
 import pickle
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass
 from io import BytesIO
 from pathlib import Path
@@ -99,6 +100,13 @@ class WeightsFile:
 def digest_of(data: bytes) -> bytes:
     """Return the 8 bytes by which streams name weights, from all bytes of the file."""
     return hashlib.sha256(data).digest()[:DIGEST_BYTES]
+
+
+OTHER_RESULT = (
+    "the stream decodes to other points than were coded: this machine does not compute as the "
+    "encoder's did (or the stream is damaged)"
+)
+"""Message for a stream whose check sum is not that of the decoded values."""
 
 
 def check_digest(weights: bytes, stream: bytes) -> None:
@@ -308,6 +316,39 @@ def _json_of_tables(tables: Tables) -> list[list[dict[str, Any]]]:
         [{"lowest": t.lowest, "frequencies": t.frequencies.tolist()} for t in rate]
         for rate in tables
     ]
+
+
+D = TypeVar("D", bound=np.floating[Any])
+
+
+@contextmanager
+def telling(fault: str) -> Iterator[None]:
+    """Raise InputError if parameters of a checkpoint are missing or of another kind.
+
+    The message is `fault`, with the reason in brackets. What is caught are the errors that Python
+    and PyTorch raise, and the ValueError of `checkpoint_arrays`.
+    """
+    try:
+        yield
+    except (AttributeError, KeyError, TypeError, ValueError) as error:
+        reason = str(error).splitlines()[-1].strip() if str(error) else type(error).__name__
+        raise InputError(f"{fault} ({reason})") from error
+
+
+def checkpoint_arrays(
+    checkpoint: Mapping[str, Any], shapes: Mapping[str, tuple[int, ...]], dtype: type[D]
+) -> dict[str, NDArray[D]]:
+    """Return parameters of a checkpoint as arrays of a type, by name.
+
+    Raises ValueError if a parameter has another shape than that in `shapes`, or is not finite.
+    """
+    arrays = {}
+    for name, shape in shapes.items():
+        array = checkpoint[name].numpy().astype(dtype)
+        if array.shape != shape or not np.isfinite(array).all():
+            raise ValueError(f"{name}: shape {array.shape}, or not finite")
+        arrays[name] = array
+    return arrays
 
 
 _UNREADABLE = (

@@ -39,7 +39,7 @@ from pcc_networks.inter_lpcm.symbols import (
 )
 from pcc_networks.inter_lpcm.turn import STEPS_PER_TURN, Ints, Lines, cartesian, lines_of
 from pcc_networks.inter_lpcm.weights import HISTORY, LpcmWeights
-from pcc_networks.weights_file import check_digest
+from pcc_networks.weights_file import OTHER_RESULT, check_digest
 from pointkit.errors import NARROWER, InputError
 from pointkit.geometry.cloud import Floats, check_points
 
@@ -47,10 +47,6 @@ USUAL_AZIMUTH_STEPS = 4
 """Azimuth symbol that stands for those before the first of a line, 0.18 degrees."""
 _TOLERANCE = 1e-4
 """Mean difference of decoded coordinates, m, up to which machines count as equal."""
-OTHER_RESULT = (
-    "the stream decodes to other points than were coded: this machine does not compute as the "
-    "encoder's did (or the stream is damaged)"
-)
 
 
 @dataclass(frozen=True)
@@ -179,7 +175,7 @@ def decode(stream: bytes, weights: LpcmWeights, reference: Reference | None = No
     if content.reference != _check_of(reference):
         raise InputError("the stream was made with another preceding turn")
     heads = content.heads
-    starts = np.concatenate([[0], np.cumsum(heads.lengths)])
+    starts = heads.starts
     azimuth = _decoded_azimuth(content.azimuth, SymbolNetwork(weights.azimuth_symbols), starts)
     steps = _summed(azimuth, heads, starts)
     radius, elevation = np.zeros((2, len(azimuth)), np.int64)
@@ -255,7 +251,10 @@ def _decoded_azimuth(part: Part, network: SymbolNetwork, starts: Ints) -> Ints:
 
 
 def _summed(azimuth: Ints, heads: Heads, starts: Ints) -> Ints:
-    """Return azimuths (n,) from their differences; raise InputError if one is impossible."""
+    """Return the azimuths (n,) of all points, in steps, from the differences along each line.
+
+    A line begins at the azimuth in its head. Raises InputError if an azimuth is not within a turn.
+    """
     differences = azimuth.copy()
     differences[starts[:-1]] = heads.azimuth
     sums = np.cumsum(differences)

@@ -70,7 +70,9 @@ class ElevationCoder:
         return cls(lines, bit_reader(data))
 
     def code(self, symbols: Ints, rows: Ints, radius: Ints) -> Ints:
-        """Encode the next symbols of lines, or decode them, and return them.
+        """Encode or decode the next symbol of each of some lines, and return the symbols (m,).
+
+        A coder from `writer` encodes, one from `reader` decodes.
 
         Parameters
         ----------

@@ -101,7 +101,10 @@ class _AttentionBlocks(nn.Module):
 
 
 class RadiusNetwork(nn.Module):
-    """Network that predicts a radius from its line and from three lines of the preceding turn."""
+    """Network that predicts the radius of a point, in metres.
+
+    It reads the points before it in its line, and points of three lines of the preceding turn.
+    """
 
     def __init__(self) -> None:
         super().__init__()

@@ -25,7 +25,8 @@ from pointkit.geometry.cloud import Floats
 RADIUS, ELEVATION = 0, 1
 """Kinds of symbols that are coded during the prediction."""
 SYMBOLS_PER_UNIT = (66, 15)
-"""Symbols per metre of the radius, and per degree of the elevation."""
+"""Numbers by which differences to the prediction are multiplied before they are rounded to symbols:
+of radii in metres, and of elevations in degrees."""
 NETWORK_LINES = 8
 """Lines, from the first on, whose radii a network predicts if there is a preceding turn."""
 _STEPS_BEFORE = 2
@@ -99,7 +100,7 @@ def traverse(
     code
         Function that encodes or decodes symbols.
     """
-    starts = np.concatenate([[0], np.cumsum(heads.lengths)])
+    starts = heads.starts
     decoded = np.zeros((2, len(azimuth)))
     history = _first_history(heads)
     for at, rows in points_at_steps(starts):

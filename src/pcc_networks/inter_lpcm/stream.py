@@ -53,6 +53,11 @@ class Heads(NamedTuple):
     radius: NDArray[np.float32]
     elevation: NDArray[np.float32]
 
+    @property
+    def starts(self) -> NDArray[np.int64]:
+        """Index of the first point of each line, and the number of all points, (lines + 1,)."""
+        return np.concatenate([[0], np.cumsum(self.lengths)])
+
 
 class Part(NamedTuple):
     """Coded symbols of one kind, which lie between `least` and `most`."""
@@ -64,7 +69,7 @@ class Part(NamedTuple):
 
 @dataclass(frozen=True)
 class LpcmStream:
-    """The numbers in a stream's header, and the coded symbols."""
+    """Contents of a stream of Inter-LPCM: numbers of its header, and coded symbols of each kind."""
 
     digest: bytes  # of the weights
     reference: int  # CRC-32 of the preceding turn, or 0

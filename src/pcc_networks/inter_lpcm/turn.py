@@ -23,7 +23,8 @@ _AZIMUTH_STEP = 360 / STEPS_PER_TURN
 _DROP = STEPS_PER_TURN // 10
 """A line ends where the azimuth falls by more steps than this."""
 MAX_LINE = 2**14
-"""Largest number of points of a line: a decoder takes as many steps as the longest line has."""
+"""Largest number of points of a line. It bounds the time of a decoder, which takes a step for each
+point of the longest line."""
 _STEEPEST = 89.5
 """Elevations are clipped to plus and minus this value, in degrees, before points are placed."""
 

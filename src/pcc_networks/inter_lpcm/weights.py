@@ -20,7 +20,8 @@ if TYPE_CHECKING:
 HISTORY = 49
 """Number of preceding values from which the networks predict the next one."""
 HIDDEN, BLOCKS = 256, 3
-"""Features and residual blocks of the networks that predict distributions of symbols."""
+"""Number of features of a hidden layer, and number of residual blocks, of the networks that predict
+the distributions of symbols."""
 FILES = {
     "radius": "r_model/37.pt",
     "elevation": "theta_model/epoch_28.pt",
@@ -69,7 +70,7 @@ def load_weights(path: str | Path) -> LpcmWeights:
         A file is missing, damaged, or of another network.
     """
     from pcc_networks.inter_lpcm.networks import ElevationNetwork, RadiusNetwork, network_with
-    from pcc_networks.weights_file import checkpoint_of, digest_of
+    from pcc_networks.weights_file import checkpoint_of, digest_of, telling
 
     path = Path(path)
     contents = _folder(path) if path.is_dir() else _archive(path)
@@ -77,10 +78,8 @@ def load_weights(path: str | Path) -> LpcmWeights:
     states = {name: checkpoint_of(data, faults[name]) for name, data in contents.items()}
     layers: dict[str, tuple[Layer, ...]] = {}
     for name, outputs in HEADS.items():
-        try:
+        with telling(faults[name]):
             layers[name] = tuple(_layers(states[name], outputs))
-        except (AttributeError, KeyError, TypeError, ValueError) as error:
-            raise InputError(f"{faults[name]} ({error})") from error
     return LpcmWeights(
         digest_of(b"".join(contents.values())),
         network_with(RadiusNetwork, states["radius"], faults["radius"]),
@@ -124,11 +123,12 @@ def layer_shapes(outputs: int) -> dict[str, tuple[int, int]]:
 
 
 def _layers(state: Mapping[str, Any], outputs: int) -> Iterator[Layer]:
-    for name, shape in layer_shapes(outputs).items():
-        matrix = state[f"{name}.weight"].numpy().astype(np.float64).T
-        bias = state[f"{name}.bias"].numpy().astype(np.float64)
-        if matrix.shape != shape or bias.shape != shape[1:]:
-            raise ValueError(f"{name}: shape {matrix.shape}")
-        if not np.isfinite(matrix).all() or not np.isfinite(bias).all():
-            raise ValueError(f"{name}: not finite")
-        yield Layer(np.ascontiguousarray(matrix), bias)
+    from pcc_networks.weights_file import checkpoint_arrays
+
+    names = layer_shapes(outputs)
+    shapes: dict[str, tuple[int, ...]] = {}
+    for name, (inputs, width) in names.items():
+        shapes |= {f"{name}.weight": (width, inputs), f"{name}.bias": (width,)}
+    arrays = checkpoint_arrays(state, shapes, np.float64)
+    for name in names:
+        yield Layer(np.ascontiguousarray(arrays[f"{name}.weight"].T), arrays[f"{name}.bias"])

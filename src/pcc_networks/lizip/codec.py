@@ -12,7 +12,7 @@ import zlib
 import numpy as np
 from numpy.typing import NDArray
 
-from pcc_networks.lizip.compression import Compression
+from pcc_networks.lizip.compression import NUMBERS, Compression
 from pcc_networks.lizip.inference import predicted, steps_of
 from pcc_networks.lizip.stream import (
     BLOCK,
@@ -21,24 +21,19 @@ from pcc_networks.lizip.stream import (
     MOST_SCALE,
     LizipStream,
     Words,
-    number_of,
     packed_numbers,
     read_stream,
     write_stream,
 )
 from pcc_networks.lizip.weights import HEAD, Floats32, LizipWeights
 from pcc_networks.sparse.thread_pool import ThreadPool, thread_pool
-from pcc_networks.weights_file import check_digest
+from pcc_networks.weights_file import OTHER_RESULT, check_digest
 from pointkit.errors import NARROWER, InputError
 from pointkit.geometry.cloud import Floats, check_points
 
 _CUBE = np.float32(0.1)
 _AXIS_BITS = 21
 _MOST_STEPS = 2.0**31
-OTHER_RESULT = (
-    "the stream decodes to other points than were coded: this machine does not compute as the "
-    "encoder's did (or the stream is damaged)"
-)
 
 
 def encode(
@@ -145,7 +140,7 @@ def _coded(
     blocks[targets] -= guesses
     by_block = blocks.reshape(-1, BLOCK, 3)
     packed = packed_numbers(by_block[:, :HEAD], by_block[:, HEAD:], compression)
-    check, number = _checksum(steps), number_of(compression)
+    check, number = _checksum(steps), NUMBERS[compression]
     return LizipStream(weights.digest, check, count, float(scale), number, packed)
 
 

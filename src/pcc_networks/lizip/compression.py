@@ -21,7 +21,8 @@ NUMBERS: dict[Compression, int] = {"zlib": 1, "lzma": 2}
 _STORED = 0
 _PRESET, _LEVEL = 9, 6
 _MOST_MEMORY = 2**27
-"""Memory, bytes, that a decoder of LZMA may use; streams of preset 9 need half of it."""
+"""Maximum memory, in bytes, that a decoder of LZMA may use. Data that were compressed with preset 9
+need half of it."""
 _EDGE = 12
 """Bytes of the header, and of the footer, of an XZ file."""
 _HEADER = 20

@@ -20,9 +20,10 @@ from pointkit.coding.intrinsics import add_products
 from pointkit.compiling import compiled
 
 _BLOCK_ROWS = 32
-"""Rows whose partial sums fit the first-level cache."""
+"""Number of rows that are computed together, such that their partial sums fit the first-level
+cache."""
 _CHUNK_ROWS = 256
-"""Rows that a thread computes at a time."""
+"""Number of rows that a thread computes at a time."""
 _ZERO = np.float32(0)
 
 

@@ -20,7 +20,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from pcc_networks.lizip.compression import NUMBERS, Compression, compressed, decompressed
+from pcc_networks.lizip.compression import Compression, compressed, decompressed
 from pcc_networks.lizip.weights import HEAD
 from pointkit.coding.framing import Framing
 from pointkit.errors import InputError
@@ -141,8 +141,3 @@ def check_work(content: LizipStream) -> None:
     most = min(_POINTS + _POINTS_PER_BYTE * len(content.packed), MAX_POINTS)
     if not 0 < content.points <= most:
         raise InputError(f"{content.points} points are too many for a stream of this size")
-
-
-def number_of(compression: Compression) -> int:
-    """Return the number by which streams name a compressor."""
-    return NUMBERS[compression]

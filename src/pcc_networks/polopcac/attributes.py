@@ -31,7 +31,7 @@ class Kind(NamedTuple):
     levels
         Coded values are from 0 to ``levels - 1``; 0 if the network does not code them.
     peak
-        Coded value that the network's outputs call 1.
+        Size of values: an output o of the network stands for the coded value ``(o + 0.5) * peak``.
     divisors
         Numbers by which the values of neighbours are divided.
     """
@@ -42,6 +42,12 @@ class Kind(NamedTuple):
     levels: int
     peak: float = 0.0
     divisors: tuple[float, ...] = ()
+
+    @property
+    def largest(self) -> int:
+        """Largest value of the attribute that can be coded so."""
+        most = int(np.iinfo(self.dtype).max)
+        return min(self.levels - 1, most) if self.levels else most
 
 
 KINDS = (
@@ -76,15 +82,13 @@ def kind_of(name: str, values: NDArray[Any], points: int) -> Kind:
     if not kinds:
         raise InputError(f"polopcac.encode: {name} is neither {REFLECTANCE} nor {COLOUR}")
     shape = (points,) if kinds[0].channels == 1 else (points, kinds[0].channels)
-    most = int(np.iinfo(kinds[-1].dtype).max)
+    most = kinds[-1].largest
     whole = (
         values.shape == shape and np.isfinite(values).all() and (values == np.rint(values)).all()
     )
     if not whole or values.min() < 0 or values.max() > most:
         raise InputError(f"polopcac.encode: {name} must be whole numbers to {most}, shape {shape}")
-    largest = int(values.max())
-    limits = [(1 << 7) - 1, (1 << 8) - 1, most] if name == REFLECTANCE else [most]
-    return next(kind for kind, limit in zip(kinds, limits, strict=True) if largest <= limit)
+    return next(kind for kind in kinds if values.max() <= kind.largest)
 
 
 def coded(kind: Kind, values: Table) -> Table:

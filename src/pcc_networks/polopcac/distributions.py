@@ -46,7 +46,7 @@ def laplace(outputs: Floats, channels: int, peak: float) -> tuple[Floats, Floats
     channels
         Number of values of a point that are coded, up to 3.
     peak
-        Value that the network calls 1; it calls 0 what lies half as high.
+        Size of values: an output o stands for the value ``(o + 0.5) * peak``.
 
     Returns
     -------

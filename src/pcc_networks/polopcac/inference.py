@@ -29,7 +29,8 @@ from pointkit.compiling import compiled
 NEIGHBOURS = 8
 """Number of coded points from which a point is predicted."""
 _CHUNK_POINTS = 128
-"""Points whose features fit the second-level cache."""
+"""Number of points that a thread computes at a time, such that their features fit the second-level
+cache."""
 _FINE_BITS = 10
 _FINE = 2**_FINE_BITS
 _LARGEST_EXPONENT = 32

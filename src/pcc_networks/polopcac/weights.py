@@ -10,7 +10,6 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from pcc_networks.polopcac.fixed_point import Floats, Linear, fixed_linear
-from pointkit.errors import InputError
 
 CHANNELS = 3
 """Values of a point that the network reads and predicts."""
@@ -63,16 +62,13 @@ def load_weights(path: str | Path) -> PolopcacWeights:
     InputError
         If the file is damaged, or is not a checkpoint of PoLoPCAC.
     """
-    from pcc_networks.weights_file import digest_of, read_checkpoint
+    from pcc_networks.weights_file import digest_of, read_checkpoint, telling
     from pointkit.files import read_bytes
 
     path = Path(path)
     checkpoint = read_checkpoint(path, _FAULT)
-    try:
+    with telling(f"{path}: {_FAULT}"):
         return _weights(digest_of(read_bytes(path)), checkpoint)
-    except (AttributeError, KeyError, TypeError, ValueError) as error:
-        reason = str(error).splitlines()[-1].strip() if str(error) else type(error).__name__
-        raise InputError(f"{path}: {_FAULT} ({reason})") from error
 
 
 def shapes(channels: int, layers: int) -> dict[str, tuple[int, ...]]:
@@ -99,16 +95,14 @@ def shapes(channels: int, layers: int) -> dict[str, tuple[int, ...]]:
 
 
 def _weights(digest: bytes, checkpoint: Mapping[str, Any]) -> PolopcacWeights:
+    from pcc_networks.weights_file import checkpoint_arrays
+
     channels = checkpoint["pt.linear_in.weight"].shape[0]
     layers = sum(bool(_LAYER.fullmatch(str(name))) for name in checkpoint)
     if not 1 <= channels <= MAX_CHANNELS or not 1 <= layers <= MAX_LAYERS:
         raise ValueError(f"{channels} channels, {layers} layers")
-    arrays = {}
-    for name, shape in shapes(channels, layers).items():
-        array = checkpoint[name].numpy().astype(np.float64)
-        if array.shape != shape or not np.isfinite(array).all():
-            raise ValueError(f"{name}: shape {array.shape}, or not finite")
-        arrays[name] = array.reshape(shape[:2])
+    found = checkpoint_arrays(checkpoint, shapes(channels, layers), np.float64)
+    arrays = {name: array.reshape(array.shape[:2]) for name, array in found.items()}
     return PolopcacWeights(
         digest,
         channels,

@@ -44,16 +44,12 @@ from pcc_networks.sparse.voxels import (
     slots_of_occupancies,
     unique_keys,
 )
-from pcc_networks.weights_file import check_digest
+from pcc_networks.weights_file import OTHER_RESULT, check_digest
 from pointkit.errors import NARROWER, InputError
 from pointkit.geometry.cloud import Floats, check_points
 
 Code = Callable[[int, Cumulative], Symbols]
 """Function that codes and returns the first or second symbols of a level."""
-OTHER_RESULT = (
-    "the stream decodes to other points than were coded: this machine does not compute as the "
-    "encoder's did (or the stream is damaged)"
-)
 
 
 def encode_tree(keys: Keys, weights: RenoWeights) -> CodedTree:

@@ -3,13 +3,11 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from pcc_networks.sparse.voxels import CHILDREN, OFFSETS
-from pointkit.errors import InputError
 
 Floats32 = NDArray[np.float32]
 OCCUPANCIES, VALUES = 2**CHILDREN, 16
@@ -58,30 +56,17 @@ def load_weights(path: str | Path) -> RenoWeights:
     InputError
         If the file is damaged, or is not a checkpoint of RENO.
     """
-    from pcc_networks.weights_file import digest_of, read_checkpoint
+    from pcc_networks.weights_file import checkpoint_arrays, digest_of, read_checkpoint, telling
     from pointkit.files import read_bytes
 
     path = Path(path)
     checkpoint = read_checkpoint(path, _FAULT)
-    try:
-        arrays = _arrays(checkpoint)
-    except (AttributeError, KeyError, TypeError, ValueError) as error:
-        reason = str(error).splitlines()[-1].strip() if str(error) else type(error).__name__
-        raise InputError(f"{path}: {_FAULT} ({reason})") from error
+    with telling(f"{path}: {_FAULT}"):
+        channels = checkpoint["prior_embedding.weight"].shape[1]
+        if not 1 <= channels <= MAX_CHANNELS:
+            raise ValueError(f"{channels} channels")
+        arrays = checkpoint_arrays(checkpoint, shapes(channels), np.float32)
     return _weights(digest_of(read_bytes(path)), arrays)
-
-
-def _arrays(checkpoint: Mapping[str, Any]) -> dict[str, Floats32]:
-    channels = checkpoint["prior_embedding.weight"].shape[1]
-    if not 1 <= channels <= MAX_CHANNELS:
-        raise ValueError(f"{channels} channels")
-    result = {}
-    for name, shape in shapes(channels).items():
-        array = checkpoint[name].numpy().astype(np.float32)
-        if array.shape != shape or not np.isfinite(array).all():
-            raise ValueError(f"{name}: shape {array.shape}, or not finite")
-        result[name] = array
-    return result
 
 
 def shapes(channels: int) -> dict[str, tuple[int, ...]]:

@@ -6,13 +6,14 @@ from typing import Any
 
 from pointkit.errors import InputError
 from puckbench.scene_sets.fetch import fetch_data
+from puckbench.scene_sets.sources import SOURCES
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
     add = parser.add_argument
-    weights = "pcgc_weights, reno_weights, lizip_weights, polopcac_weights"
-    recorded = "ouster_recordings, sfnd_lidar_1, sfnd_lidar_2, sfnd_tracking, inter_lpcm_turns"
-    text = f"sets to download (default: captured_rooms, sweethome3d); also {weights}, {recorded}"
+    default = ", ".join(name for name, source in SOURCES.items() if source.by_default)
+    others = ", ".join(name for name, source in SOURCES.items() if not source.by_default)
+    text = f"sets to download (default: {default}); also {others}"
     add("names", nargs="*", help=text)
     add("--folder", type=Path, default=Path("data"), help="folder of the data (default: data)")
     text = "take files of GitHub from this clone of their repository, or from a folder of clones"

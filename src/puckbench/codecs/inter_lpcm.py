@@ -12,7 +12,6 @@ from typing import TYPE_CHECKING
 
 from pydantic import Field
 
-from pointkit.errors import InputError
 from pointkit.geometry.cloud import Floats, PointCloud
 from puckbench.codecs.base import CloudKind
 from puckbench.codecs.learned import Learned, LearnedOptions
@@ -57,12 +56,6 @@ class InterLpcm(Learned["LpcmWeights"]):
         step = float(parameters_of(self, rate)["step_m"])
         most = min(_MOST_EXTENT, _MOST_STEPS * step)
         return cloud.wider_than(most) or super().skip(cloud, rate)
-
-    def _files(self) -> list[Path]:
-        path = Path(self._where())
-        if not path.is_file():
-            raise InputError(f"{path}: no such file of weights")
-        return [path]
 
     def encode_points(self, points: Floats, parameters: Parameters) -> bytes:
         from pcc_networks.inter_lpcm.codec import encode

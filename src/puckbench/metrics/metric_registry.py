@@ -56,7 +56,7 @@ def _no_files(**_: Any) -> Iterable[Path]:
 
 @dataclass(frozen=True)
 class Measurer:
-    """A registered metric of single clouds, or task on drives.
+    """Base class of registered metrics, which judge decoded clouds, and tasks, which judge drives.
 
     Parameters
     ----------

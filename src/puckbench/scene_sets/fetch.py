@@ -68,10 +68,10 @@ def fetch_data(
 def _fetch_or_fail(name: str, folder: Path, clone: Path | None) -> FetchResult:
     source = SOURCES[name]
     if _is_intact(folder):
-        return FetchResult(name, folder, "present", source.terms)
+        return FetchResult(name, folder, "present", source.terms())
     try:
         warning = fetch_source(source, folder, clone)
-        return FetchResult(name, folder, "fetched", warning or source.terms)
+        return FetchResult(name, folder, "fetched", warning or source.terms())
     except (InputError, OSError) as error:
         return FetchResult(name, folder, "failed", str(error))
 

@@ -80,7 +80,7 @@ class InterLpcm(Kitti):
 
     @cached_property
     def _all(self) -> list[Path]:
-        """Return the paths of all turns, whatever the options select."""
+        """Paths of the turns' files, in their order, also of turns that options leave out."""
         whole = self._whole()
         return [whole.file_of(name) for name in whole.names()]
 

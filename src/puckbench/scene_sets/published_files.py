@@ -1,6 +1,7 @@
-"""Download of published files from GitHub: weights of networks, recordings, and turns of drives.
+"""Files that others published on GitHub, such as weights, recordings, and turns of drives.
 
-Tables (.yaml) beside this module list the files, with commits and hashes.
+They are downloaded, or taken from a clone. Tables (.yaml) beside this module list them, with
+commits and hashes.
 """
 
 from __future__ import annotations
@@ -24,22 +25,16 @@ _OPTIMISER = "main_optimizer/"
 
 
 PCGC = "pcgc_weights"
-TABLES = {
-    PCGC: "published_weights.yaml",
-    "reno_weights": "reno_weights.yaml",
-    "lizip_weights": "lizip_weights.yaml",
-    "polopcac_weights": "polopcac_weights.yaml",
-    "ouster_recordings": "ouster_recordings.yaml",
-    "sfnd_lidar_1": "sfnd_lidar_1.yaml",
-    "sfnd_lidar_2": "sfnd_lidar_2.yaml",
-    "sfnd_tracking": "sfnd_tracking.yaml",
-    "inter_lpcm_turns": "inter_lpcm_turns.yaml",
-}
+TABLES = (
+    *(PCGC, "reno_weights", "lizip_weights", "polopcac_weights", "ouster_recordings"),
+    *("sfnd_lidar_1", "sfnd_lidar_2", "sfnd_tracking", "inter_lpcm_turns"),
+)
+"""Names of the tables, and of their files without the ending."""
 
 
 def published(name: str = PCGC) -> dict[str, Any]:
     """Return a table of files to download, with repositories, commits and hashes."""
-    content: dict[str, Any] = read_yaml(Path(__file__).with_name(TABLES[name]))
+    content: dict[str, Any] = read_yaml(Path(__file__).with_name(f"{name}.yaml"))
     return content
 
 
@@ -57,7 +52,7 @@ def download(
     table
         Files, repositories and hashes; by default, the table `name`.
     name
-        Name of a table, a key of `TABLES`, and of the archive.
+        Name of a table, one of `TABLES`, and of the archive.
 
     Returns
     -------
@@ -168,3 +163,8 @@ def _archive(name: str, checkpoint: Sequence[bytes], order: str) -> bytes:
 
 def credits_text(name: str, _: Path) -> str:
     return str(published(name)["credits"])
+
+
+def terms_of(name: str) -> str:
+    """Return the conditions of use that a table states, or an empty text."""
+    return str(published(name).get("terms", ""))

@@ -18,13 +18,6 @@ from puckbench.scene_sets.sweethome3d import SweetHome3D
 _TIMEOUT_S = 900
 _SEM, _SH3F = "@iwer/sem@2.4.0", "sweethome3d-furniture"
 _FAULT_LINE = re.compile(r"^(?:E:|npm (?:ERR!|error))\s*(.*\S)", re.MULTILINE)
-_OF_KITTI = "(not commercial: CC BY-NC-SA 3.0, see CREDITS.md)"
-_TERMS = {
-    "sfnd_lidar_1": _OF_KITTI,
-    "sfnd_lidar_2": _OF_KITTI,
-    "sfnd_tracking": _OF_KITTI,
-    "inter_lpcm_turns": _OF_KITTI,
-}
 
 
 @dataclass(frozen=True)
@@ -36,7 +29,7 @@ class PackageSource:
     hashes. A wrong hash is an error if `pinned`, else a warning. `credits` returns credits from the
     extracted folder. `from_clone` makes the same package, in the folder that is its first argument,
     from a clone of the repository. `keeps_folders`: whether files stay in the package's folders.
-    `terms` are the conditions of use to tell, if they are narrow.
+    `terms` returns the conditions of use to tell, if they are narrow, or an empty text.
     """
 
     download: Callable[[Path], Path]
@@ -48,7 +41,7 @@ class PackageSource:
     by_default: bool = True
     from_clone: Callable[[Path, Path], Path] | None = None
     keeps_folders: bool = False
-    terms: str = ""
+    terms: Callable[[], str] = str
 
 
 def _downloaded(command: Sequence[str], pattern: str, purpose: str, folder: Path) -> Path:
@@ -116,7 +109,7 @@ def _published(name: str) -> PackageSource:
         by_default=False,
         from_clone=partial(published_files.from_clone, name=name),
         keeps_folders=True,
-        terms=_TERMS.get(name, ""),
+        terms=partial(published_files.terms_of, name),
     )
 
 

@@ -57,7 +57,7 @@ def test_tables_have_the_size_and_hash_of_every_turn(name: str) -> None:
     (address,) = table["repositories"].values()
     assert re.fullmatch(r"[\w-]+/[\w-]+/[0-9a-f]{40}", address)
     assert "CC BY-NC-SA 3.0" in SOURCES[name].credits(Path())
-    assert "not commercial" in SOURCES[name].terms
+    assert "not commercial" in SOURCES[name].terms()
 
 
 @pytest.fixture

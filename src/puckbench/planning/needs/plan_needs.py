@@ -118,10 +118,10 @@ def several_noises(plan: Plan) -> Options | None:
 
 @NEEDS.register("published")
 def published_datasets(plan: Plan) -> Options | None:
-    """Require a data set with the key ``published`` that a codec encodes, in a run on real data.
+    """Require that a data set has the key ``published``, and that a codec encodes it.
 
-    Tables get the published name of each such data set. A run that replaces data by generated
-    stand-ins has no such table.
+    Tables get the published name of each such data set. The requirement is never met in a run that
+    replaces data by generated stand-ins.
     """
     from puckbench.published_sources.beside import published_names
     from puckbench.published_sources.registry import all_sources
