@@ -128,7 +128,10 @@ def test_the_table_of_claims_takes_what_a_run_has() -> None:
         "thesis_medians",
         "machines",
         "nearest_truth",
+        "perception_bits",
+        "perception_losses",
         "rates",
+        "segmentation_scores",
         "storage",
         "summary",
     }
