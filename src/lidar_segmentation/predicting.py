@@ -48,6 +48,12 @@ class SegmentationNetwork:
     card: Mapping[str, Any]
     module: SegmentationModule
 
+    @property
+    def cell_m(self) -> tuple[float, float, float]:
+        """Size of a cell of the grid on which the network sees a scan, along x, y and z, m."""
+        shape = self.module.shape
+        return (shape.cell_m, shape.cell_m, shape.bin_m)
+
     def class_map(self, label_set: str) -> ClassMap:
         """Return which class of the network each label is.
 

@@ -1,6 +1,6 @@
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -9,6 +9,7 @@ import numpy as np
 from pointkit.confusion import IGNORED
 from pointkit.errors import InputError
 from pointkit.geometry.cloud import Floats, PointCloud
+from pointkit.seeding import generator
 from puckbench.geometry.labels import REMISSION, class_labels
 from puckbench.metrics.metric_registry import METRICS
 from puckbench.metrics.segmentation import (
@@ -59,6 +60,10 @@ class Segmentation(SegmentationMetric):
     The metric judges every point of the original scan, by its label and by the class of the decoded
     point that answers for it (`puckbench.metrics.segmentation`).
 
+    The scan and its decoded forms are displaced by the same random vector (`network_shift`) before
+    the network sees them. Otherwise the borders of its cells would lie on the grids of codecs, which
+    are around the sensor, too, in every scan.
+
     Parameters
     ----------
     reference
@@ -77,13 +82,16 @@ class Segmentation(SegmentationMetric):
     def __init__(
         self, reference: PointCloud, *, network: str = "streets", within_m: float = WITHIN_M
     ) -> None:
-        from lidar_segmentation import open_network
+        from lidar_segmentation import SegmentationNetwork, open_network
 
         opened = open_network(network)
+        if not isinstance(opened, SegmentationNetwork):
+            raise InputError(f"segmentation: {network} is 3D-MiniNet; the metric {MININET} takes it")
         true, joined = _true_classes(reference, opened)
+        shift = network_shift(len(reference), opened.cell_m)
 
         def predict(points: Floats, _: Rows) -> Classes:
-            return np.asarray(joined(opened.predict(points)))
+            return np.asarray(joined(opened.predict(points + shift)))
 
         scan = JudgedScan(reference.xyz, true, opened.classes, predict, within_m)
         super().__init__(NAME, scan, f"{Path(network).name} {opened.digest}")
@@ -143,6 +151,23 @@ class MiniNetSegmentation(SegmentationMetric):
 
         scan = JudgedScan(reference.xyz, true, opened.classes, predict, within_m)
         super().__init__(MININET, scan, f"3D-MiniNet {opened.digest}")
+
+
+def network_shift(points: int, cell_m: Sequence[float]) -> Floats:
+    """Return the vector (3,), m, by which a scan is displaced before a network sees it.
+
+    It is drawn uniformly from a cell around zero, and depends only on the number of points and on
+    the cell, so that it is the same on every machine.
+
+    Parameters
+    ----------
+    points
+        Number of points of the scan.
+    cell_m
+        Size (3,) of a cell of the network, m.
+    """
+    half = np.asarray(cell_m) / 2
+    return generator(points, "shift of a scan").uniform(-half, half)
 
 
 def _true_classes(reference: PointCloud, network: Any) -> tuple[Classes, Any]:
