@@ -322,6 +322,7 @@ def test_what_cannot_be_coded_is_refused(weights: PolopcacWeights) -> None:
         ({"reflectance": grey + 0.5}, "whole numbers to 65535"),
         ({"reflectance": grey - 200}, "whole numbers to 65535"),
         ({"reflectance": grey * np.nan}, "whole numbers to 65535"),
+        ({"reflectance": grey.astype(str)}, "whole numbers to 65535"),
         ({"reflectance": grey[1:]}, r"shape \(20,\)"),
         ({"colour": attributes["colour"] * 2.0 + 200}, "whole numbers to 255"),
         ({"colour": grey}, r"shape \(20, 3\)"),

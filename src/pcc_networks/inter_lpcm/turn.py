@@ -22,7 +22,7 @@ STEPS_PER_TURN = 8000
 _AZIMUTH_STEP = 360 / STEPS_PER_TURN
 _DROP = STEPS_PER_TURN // 10
 """A line ends where the azimuth falls by more steps than this."""
-MAX_LINE = 2**14
+MAX_LINE = 2**12
 """Largest number of points of a line. It bounds the time of a decoder, which takes a step for each
 point of the longest line."""
 _STEEPEST = 89.5

@@ -83,9 +83,8 @@ def kind_of(name: str, values: NDArray[Any], points: int) -> Kind:
         raise InputError(f"polopcac.encode: {name} is neither {REFLECTANCE} nor {COLOUR}")
     shape = (points,) if kinds[0].channels == 1 else (points, kinds[0].channels)
     most = kinds[-1].largest
-    whole = (
-        values.shape == shape and np.isfinite(values).all() and (values == np.rint(values)).all()
-    )
+    numbers = values.shape == shape and values.dtype.kind in "biuf"
+    whole = numbers and np.isfinite(values).all() and (values == np.rint(values)).all()
     if not whole or values.min() < 0 or values.max() > most:
         raise InputError(f"polopcac.encode: {name} must be whole numbers to {most}, shape {shape}")
     return next(kind for kind in kinds if values.max() <= kind.largest)

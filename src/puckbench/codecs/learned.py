@@ -115,8 +115,14 @@ class Learned(Codec, Generic[W]):
             there = [name for name, values in self.rates.items() if self._path(values)]
         except InputError as error:
             return str(error)
-        has = ", ".join(there) or "none"
-        return f"{self.options.weights} has no weights for {rate} (rates it has: {has})"
+        where = self.options.weights
+        if not there:
+            return f"{where} has no file of weights of {self.network}{self._how_to_fetch()}"
+        return f"{where} has no weights for {rate} (rates it has: {', '.join(there)})"
+
+    def _how_to_fetch(self) -> str:
+        published = Path(self.published_weights).name
+        return f": fetch them (puckbench data {published})" if published else ""
 
     def weights(self, rate: str) -> Path | None:
         if find_spec("pcc_networks") is None:
@@ -144,8 +150,7 @@ class Learned(Codec, Generic[W]):
         if not where:
             raise InputError("no weights: set the option weights")
         if where == self.published_weights and not Path(where).is_dir():
-            source = Path(where).name
-            raise InputError(f"no weights in {where}: fetch them (puckbench data {source})")
+            raise InputError(f"no weights in {where}{self._how_to_fetch()}")
         return where
 
     def _known_files(self) -> Iterator[Path]:

@@ -172,7 +172,7 @@ def test_a_set_may_state_the_digest_by_which_streams_name_it(
 def test_what_lacks_is_said(name: str, tmp_path: Path) -> None:
     with pytest.raises(InputError, match=f"codec {name}: weights is None, but must be"):
         open_codec(name, {"options": {"weights": None}})
-    assert "has no weights for" in why_not_here(_codec(name, tmp_path))
+    assert "has no file of weights" in why_not_here(_codec(name, tmp_path))
     assert "no such folder" in why_not_here(_codec(name, tmp_path / "nowhere"))
 
 

@@ -122,12 +122,12 @@ def test_the_rate_that_the_authors_weights_lack_is_named(tmp_path: Path) -> None
     ("name", "entry", "fault"),
     [
         ("pcgcv2_plus", {"options": {"weights": "nowhere"}}, "no such folder"),
-        ("pcgcv2_plus", {"options": {"weights": "."}, "rates": ["r1"]}, "no weights for r1"),
-        ("sparse_octree_net", {"options": {"weights": "."}}, "has no weights"),
-        ("reno", {"options": {"weights": "."}}, "has no weights for 512mm"),
+        ("pcgcv2_plus", {"options": {"weights": "."}, "rates": ["r1"]}, "no file of weights of pcgcv2"),
+        ("sparse_octree_net", {"options": {"weights": "."}}, "has no file of weights"),
+        ("reno", {"options": {"weights": "."}}, ". has no file of weights of reno: fetch them"),
         ("reno", {}, "no weights in data/reno_weights: fetch them (puckbench data reno_weights)"),
         ("lizip", {}, "no weights in data/lizip_weights: fetch them"),
-        ("lizip", {"options": {"weights": "."}}, "has no weights for 100mm"),
+        ("lizip", {"options": {"weights": "."}}, ". has no file of weights of lizip: fetch them"),
     ],
 )
 def test_missing_weights_are_named(
