@@ -111,6 +111,41 @@ def test_a_network_judges_the_undecoded_scan_and_the_decoded_one_alike(weights: 
     assert empty["segmentation_miou_percent"] == 0
 
 
+def test_a_network_sees_a_scan_displaced_by_part_of_a_cell(weights: Path) -> None:
+    from lidar_segmentation import SegmentationNetwork, open_network
+    from puckbench.metrics.further_metrics.segmentation import network_shift
+
+    cell = (0.4, 0.4, 0.3)
+    shifts = np.array([network_shift(points, cell) for points in range(1000, 3000)])
+    limits = np.array(cell) / 2
+    np.testing.assert_array_less(np.abs(shifts), limits)
+    np.testing.assert_allclose(shifts.mean(axis=0), 0, atol=0.02)
+    np.testing.assert_allclose(
+        shifts.std(axis=0), limits / np.sqrt(3), rtol=0.05
+    )  # of a uniform one
+    np.testing.assert_array_equal(shifts[7], network_shift(1007, cell))
+
+    cloud, network = labelled(), open_network(weights)
+    assert isinstance(network, SegmentationNetwork)
+    predicted = network.predict(cloud.xyz + network_shift(len(cloud), network.cell_m))
+    row = further_metrics({"segmentation": {"network": str(weights)}}, cloud, cloud, ())
+    counts = confusion_of(row["segmentation_confusion"]).sum(axis=0)[:-1]
+    assert counts.tolist() == np.bincount(predicted, minlength=len(network.classes)).tolist()
+
+
+def test_weights_of_mininet_are_not_those_of_the_metric(tmp_path: Path) -> None:
+    import torch
+
+    from lidar_segmentation.mininet import PARTS
+    from lidar_segmentation.mininet_module import MiniNetModule
+
+    module = MiniNetModule(width=16, blocks=(1, 2), back=(2, 1), classes=20)
+    for part, name in PARTS.items():
+        torch.save(module.get_submodule(part).state_dict(), tmp_path / name)
+    with pytest.raises(InputError, match=r"is of 3D-MiniNet, for the metric mininet"):
+        further_metrics({"segmentation": {"network": str(tmp_path)}}, labelled(), labelled(), ())
+
+
 def test_scans_that_cannot_be_judged_are_refused_in_one_line(weights: Path, tmp_path: Path) -> None:
     good = labelled()
     cases = {

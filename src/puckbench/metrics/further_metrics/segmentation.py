@@ -61,8 +61,8 @@ class Segmentation(SegmentationMetric):
     point that answers for it (`puckbench.metrics.segmentation`).
 
     The scan and its decoded forms are displaced by the same random vector (`network_shift`) before
-    the network sees them. Otherwise the borders of its cells would lie on the grids of codecs, which
-    are around the sensor, too, in every scan.
+    the network sees them. Otherwise the borders of its cells would lie on the grids of codecs in
+    every scan, since both are around the sensor.
 
     Parameters
     ----------
@@ -86,7 +86,7 @@ class Segmentation(SegmentationMetric):
 
         opened = open_network(network)
         if not isinstance(opened, SegmentationNetwork):
-            raise InputError(f"segmentation: {network} is 3D-MiniNet; the metric {MININET} takes it")
+            raise InputError(f"segmentation: {network} is of 3D-MiniNet, for the metric {MININET}")
         true, joined = _true_classes(reference, opened)
         shift = network_shift(len(reference), opened.cell_m)
 
