@@ -111,7 +111,7 @@ def test_a_network_judges_the_undecoded_scan_and_the_decoded_one_alike(weights: 
     assert empty["segmentation_miou_percent"] == 0
 
 
-def test_a_network_sees_a_scan_displaced_by_part_of_a_cell(weights: Path) -> None:
+def test_a_network_sees_a_scan_displaced_by_part_of_a_cell() -> None:
     from lidar_segmentation import SegmentationNetwork, open_network
     from puckbench.metrics.further_metrics.segmentation import network_shift
 
@@ -125,10 +125,10 @@ def test_a_network_sees_a_scan_displaced_by_part_of_a_cell(weights: Path) -> Non
     )  # of a uniform one
     np.testing.assert_array_equal(shifts[7], network_shift(1007, cell))
 
-    cloud, network = labelled(), open_network(weights)
+    cloud, network = labelled(), open_network("streets")
     assert isinstance(network, SegmentationNetwork)
     predicted = network.predict(cloud.xyz + network_shift(len(cloud), network.cell_m))
-    row = further_metrics({"segmentation": {"network": str(weights)}}, cloud, cloud, ())
+    row = further_metrics({"segmentation": {"network": "streets"}}, cloud, cloud, ())
     counts = confusion_of(row["segmentation_confusion"]).sum(axis=0)[:-1]
     assert counts.tolist() == np.bincount(predicted, minlength=len(network.classes)).tolist()
 
