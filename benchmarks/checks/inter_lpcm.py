@@ -1,15 +1,18 @@
 """Bits of Inter-LPCM on its authors' 20 turns, as code lengths of their models and as our bytes.
 
-    python -m benchmarks.checks.inter_lpcm FOLDER [--turns 2] [--out rows.csv]
+    python -m benchmarks.checks.inter_lpcm FOLDER [--turns 2] [--plain] [--out rows.csv]
 
 FOLDER is a copy of the authors' repository: weights, ``test/*.bin`` (turns) and
 ``test_matrix/*.bin`` (poses). Each turn is predicted from the one before, as decoded before its
-corrections. A turn takes about three minutes on one thread.
+corrections. A turn takes about two minutes on one thread.
 
 Columns are bits: code lengths of azimuths and radii with the contexts of the authors' program,
 which runs from line to line; our bytes of each part; and their sum with the header.
 The authors' program would predict the first turn from the last; the two differ so much (33.5 dB,
 where it asks for 35) that it codes the first turn alone, as this script does.
+
+With --plain, each turn is coded alone, radii and elevations are predicted by the point before, and
+all symbols are coded by context mixing: no network but those of the two code lengths.
 """
 
 from __future__ import annotations
@@ -21,15 +24,28 @@ from pathlib import Path
 import numpy as np
 
 from pcc_networks.inter_lpcm.codec import USUAL_AZIMUTH_STEPS, CodedTurn, encode_turn
-from pcc_networks.inter_lpcm.prediction import Reference, reference_of
+from pcc_networks.inter_lpcm.mixing import ElevationCoder, encode_corrections
+from pcc_networks.inter_lpcm.prediction import (
+    ELEVATION,
+    RADIUS,
+    SYMBOLS_PER_UNIT,
+    Reference,
+    points_at_steps,
+    reference_of,
+    rounded,
+)
 from pcc_networks.inter_lpcm.stream import read_stream
 from pcc_networks.inter_lpcm.symbols import SymbolNetwork, code_length, contexts_of
-from pcc_networks.inter_lpcm.turn import cartesian
+from pcc_networks.inter_lpcm.turn import Lines, cartesian, lines_of
 from pcc_networks.inter_lpcm.weights import LpcmWeights, load_weights
-from pointkit.geometry.cloud import Floats
+from pointkit.geometry.cloud import Floats, PointCloud
+from puckbench.metrics.geometry import distortion
+from puckbench.metrics.psnr import mpeg_psnr
 
 STEP_M = 0.02
 """Step of the corrections in the authors' program."""
+PEAK_M = 59.7
+"""Peak of the authors' PSNR."""
 Row = dict[str, float | int | str]
 
 
@@ -46,7 +62,7 @@ def coded_turns(folder: Path, weights: LpcmWeights, turns: int) -> Iterator[tupl
         Number of turns, from the first on.
     """
     before = None
-    for file in sorted((folder / "test").glob("*.bin"))[:turns]:
+    for file in turn_files(folder)[:turns]:
         reference = None
         if before is not None:
             reference = _reference(before, folder / "test_matrix" / file.name)
@@ -56,12 +72,61 @@ def coded_turns(folder: Path, weights: LpcmWeights, turns: int) -> Iterator[tupl
         yield file.stem, coded
 
 
+def turn_files(folder: Path) -> list[Path]:
+    """Return the files of the turns in the authors' repository, in order."""
+    return sorted((folder / "test").glob("*.bin"))
+
+
 def _points(file: Path) -> Floats:
     return np.fromfile(file, "<f4").reshape(-1, 4)[:, :3].astype(np.float64)
 
 
 def _reference(points: Floats, file: Path) -> Reference:
     return reference_of(points, np.fromfile(file, "<f4").reshape(4, 4).astype(np.float64))
+
+
+def plain_row(file: Path, weights: LpcmWeights) -> Row:
+    """Return the bits of a turn whose symbols are coded by context mixing, and its D1 PSNR."""
+    points = _points(file)
+    lines = lines_of(points)
+    starts = lines.starts
+    first = starts[:-1]
+    azimuth = np.diff(lines.azimuth, prepend=0)
+    azimuth[first] = USUAL_AZIMUTH_STEPS
+    none = np.zeros(len(points), np.int64)
+    symbols = {RADIUS: none.copy(), ELEVATION: none.copy()}
+    values = {RADIUS: lines.radius, ELEVATION: lines.elevation}
+    decoded = {kind: np.zeros(len(points)) for kind in symbols}
+    before = {kind: values[kind][first].copy() for kind in symbols}
+    names = ("azimuth", "radius", "elevation")
+    coders = {name: ElevationCoder.writer(len(first), len(points)) for name in names}
+    for at, rows in points_at_steps(starts):
+        for kind, coded in symbols.items():
+            coded[at] = rounded(kind, values[kind][at], before[kind][rows])
+            before[kind][rows] += coded[at] / SYMBOLS_PER_UNIT[kind]
+            decoded[kind][at] = before[kind][rows]
+        radii = symbols[RADIUS][at]
+        coders["azimuth"].code(azimuth[at] - USUAL_AZIMUTH_STEPS, rows, none[at])
+        coders["radius"].code(radii, rows, none[at])
+        coders["elevation"].code(symbols[ELEVATION][at], rows, radii)
+    before_corrections = cartesian(
+        Lines(lines.azimuth, decoded[ELEVATION], decoded[RADIUS], starts)
+    )
+    corrections = np.rint((points - before_corrections) / STEP_M).astype(np.int64)
+    errors = distortion(PointCloud(points), before_corrections + corrections * STEP_M)
+    sizes = {name: 8 * len(coder.written()) for name, coder in coders.items()}
+    sizes["corrections"] = 8 * len(encode_corrections(corrections, lines.azimuth))
+    azimuths = np.delete(azimuth, first)
+    return {
+        "turn": file.stem,
+        "points": len(points),
+        "lines": len(first),
+        "azimuth_length": _length(azimuths, USUAL_AZIMUTH_STEPS, weights.azimuth_symbols),
+        "radius_length": _length(symbols[RADIUS], 0, weights.radius_symbols),
+        **sizes,
+        "total": sum(sizes.values()),
+        "d1_psnr": round(mpeg_psnr(errors, PEAK_M)["d1_psnr"], 3),
+    }
 
 
 def row_of(name: str, coded: CodedTurn, weights: LpcmWeights) -> Row:
@@ -102,12 +167,18 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("folder", type=Path)
     parser.add_argument("--turns", type=int, default=20)
+    parser.add_argument("--plain", action="store_true", help="without networks, each turn alone")
     parser.add_argument("--out", type=Path)
     arguments = parser.parse_args()
-    weights = load_weights(arguments.folder)
+    folder, turns = arguments.folder, arguments.turns
+    weights = load_weights(folder)
+    rows: Iterator[Row]
+    if arguments.plain:
+        rows = (plain_row(file, weights) for file in turn_files(folder)[:turns])
+    else:
+        rows = (row_of(*turn, weights) for turn in coded_turns(folder, weights, turns))
     lines: list[str] = []
-    for name, coded in coded_turns(arguments.folder, weights, arguments.turns):
-        row = row_of(name, coded, weights)
+    for row in rows:
         new = ([",".join(row)] if not lines else []) + [",".join(map(str, row.values()))]
         print(*new, sep="\n", flush=True)
         lines += new
