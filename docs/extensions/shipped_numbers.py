@@ -224,10 +224,9 @@ def _perception_order(column: str) -> list[str]:
 
 @shown
 def perception_bits_table() -> str:
-    """Bits per return from which on each task is not worse, with the rate, by codec of returns."""
+    """Bits per return from which on each task is not worse, with the rate, by codec."""
     losses, style = _losses_of_tasks(), results("perception").style
-    of_returns = set(losses[losses["along_rays"]]["codec"])
-    codecs = [codec for codec in _perception_order("codec") if codec in of_returns]
+    codecs = _perception_order("codec")
     bits, rows = bits_needed(losses), []
     lowest = losses.groupby(["dataset", "codec"])["bits"].min()
     for task in dict.fromkeys(bits["task"]):
@@ -240,6 +239,18 @@ def perception_bits_table() -> str:
             cells = [_bits_cell(part.loc[codec], lowest[dataset, codec]) for codec in codecs]
             rows.append([head, f"{first['undecoded']:.1f}", *cells])
     return lines(["task; scans (scenes)", "undecoded, %", *(f"`{name}`" for name in codecs)], rows)
+
+
+@shown
+def perception_bits_of_streets() -> str:
+    """Bits per return that our network needs in streets, of `puck` and `gpcc`."""
+    bits = bits_needed(_losses_of_tasks())
+    of_streets = bits[(bits["task"] == "segmentation") & (bits["dataset"] != "rooms")]
+    puck, gpcc = (
+        ", ".join(f"{value:.2f}" for value in of_streets[of_streets["codec"] == codec]["bits"])
+        for codec in ("puck", "gpcc")
+    )
+    return f"{puck} bits per return (16, 32, 64 lasers), where `gpcc` needs {gpcc}"
 
 
 def _bits_cell(row: Any, lowest: float) -> str:
@@ -274,12 +285,25 @@ def perception_losses_table() -> str:
 
 
 @shown
-def perception_phase() -> str:
-    """Mean losses of two codecs that decode the same positions."""
-    losses = _losses_of_tasks()
-    named = (losses["dataset"] == "hdl64e") & (losses["task"] == "segmentation")
-    values = losses[named & (losses["rate"] == "200mm")].set_index("codec")["loss"]
-    return f"{values['draco']:.1f} and {values['gpcc']:.1f} points"
+def perception_pairs_table() -> str:
+    """Losses of mean IoU by `gpcc` minus those by `puck` at equal steps, and bits of both."""
+    made, style, rows = with_scenes(results("perception").metrics), results("perception").style, []
+    for dataset in _perception_order("dataset"):
+        of_scans = made[made["dataset"] == dataset]
+        for rate in ("500mm", "200mm", "100mm", "50mm", "20mm"):
+            gpcc, puck = (
+                of_scans[(of_scans["codec"] == codec) & (of_scans["rate"] == rate)]
+                .groupby(SCENE)
+                .mean(numeric_only=True)
+                for codec in ("gpcc", "puck")
+            )
+            column = "segmentation_miou_percent"
+            bits = (f"{part['bpp'].mean():.2f}" for part in (gpcc, puck))
+            rows.append(
+                [f"{style.title(dataset)}, {rate}", *bits, _estimate(puck[column] - gpcc[column])]
+            )
+    heads = ["scans, step", "`gpcc`, bits", "`puck`, bits", "`gpcc` loses more by, points"]
+    return lines(heads, rows)
 
 
 def _estimate(values: pd.Series[float]) -> str:

@@ -73,7 +73,7 @@ def draw_perception(perception_losses: pd.DataFrame, style: FigureStyle) -> Figu
             title = f"{style.title(name)} (n = {panel['scenes'].max()})"
             set_title(axes, title, len(names), style)
             if first:
-                axes.set_ylabel(f"{panel['task_title'].iloc[0]}:\nloss ({panel['unit'].iloc[0]})")
+                axes.set_ylabel(_loss_label(panel["task_title"].iloc[0], panel["unit"].iloc[0]))
                 axes.tick_params(labelleft=True)
                 first = False
     for axes in lowest.values():  # there may be no panel below
@@ -81,6 +81,12 @@ def draw_perception(perception_losses: pd.DataFrame, style: FigureStyle) -> Figu
     figure.supxlabel(f"Bits per point or return, {BETTER}", fontsize=style.font_size)
     add_fitting_legend(figure, _handles(rows, style), style)
     return figure
+
+
+def _loss_label(task: str, unit: str) -> str:
+    """Return a label in short lines; losses of percentages are in percentage points."""
+    lines = task.replace(", ", ",\n")
+    return f"{lines}:\nloss ({'points' if unit == '%' else unit})"
 
 
 def _draw_panel(axes: Axes, rows: pd.DataFrame, style: FigureStyle) -> None:
