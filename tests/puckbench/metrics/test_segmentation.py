@@ -116,18 +116,19 @@ def test_a_network_sees_a_scan_displaced_by_part_of_a_cell() -> None:
     from puckbench.metrics.further_metrics.segmentation import network_shift
 
     cell = (0.4, 0.4, 0.3)
-    shifts = np.array([network_shift(points, cell) for points in range(1000, 3000)])
+    scans = np.arange(2000.0)[:, None, None] * np.ones((4, 3))  # of equal numbers of points
+    shifts = np.array([network_shift(points, cell) for points in scans])
     limits = np.array(cell) / 2
     assert (np.abs(shifts) < limits).all()
     np.testing.assert_allclose(shifts.mean(axis=0), 0, atol=0.02)
     np.testing.assert_allclose(
         shifts.std(axis=0), limits / np.sqrt(3), rtol=0.05
     )  # of a uniform one
-    np.testing.assert_array_equal(shifts[7], network_shift(1007, cell))
+    np.testing.assert_array_equal(shifts[7], network_shift(scans[7] + 1e-4, cell))
 
     cloud, network = labelled(), open_network("streets")
     assert isinstance(network, SegmentationNetwork)
-    predicted = network.predict(cloud.xyz + network_shift(len(cloud), network.cell_m))
+    predicted = network.predict(cloud.xyz + network_shift(cloud.xyz, network.cell_m))
     row = further_metrics({"segmentation": {"network": "streets"}}, cloud, cloud, ())
     counts = confusion_of(row["segmentation_confusion"]).sum(axis=0)[:-1]
     assert counts.tolist() == np.bincount(predicted, minlength=len(network.classes)).tolist()

@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import hashlib
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any
@@ -88,7 +89,7 @@ class Segmentation(SegmentationMetric):
         if not isinstance(opened, SegmentationNetwork):
             raise InputError(f"segmentation: {network} is of 3D-MiniNet, for the metric {MININET}")
         true, joined = _true_classes(reference, opened)
-        shift = network_shift(len(reference), opened.cell_m)
+        shift = network_shift(reference.xyz, opened.cell_m)
 
         def predict(points: Floats, _: Rows) -> Classes:
             return np.asarray(joined(opened.predict(points + shift)))
@@ -153,21 +154,22 @@ class MiniNetSegmentation(SegmentationMetric):
         super().__init__(MININET, scan, f"3D-MiniNet {opened.digest}")
 
 
-def network_shift(points: int, cell_m: Sequence[float]) -> Floats:
+def network_shift(points: Floats, cell_m: Sequence[float]) -> Floats:
     """Return the vector (3,), m, by which a scan is displaced before a network sees it.
 
-    It is drawn uniformly from a cell around zero, and depends only on the number of points and on
-    the cell, so that it is the same on every machine.
+    It is drawn uniformly from a cell around zero. It depends only on the cell and on the points to
+    the millimetre, so that it is the same on every machine.
 
     Parameters
     ----------
     points
-        Number of points of the scan.
+        Points (n, 3) of the scan, m.
     cell_m
         Size (3,) of a cell of the network, m.
     """
+    digest = hashlib.sha256(np.rint(1000 * points).astype("<i8").tobytes()).hexdigest()
     half = np.asarray(cell_m) / 2
-    return generator(points, "shift of a scan").uniform(-half, half)
+    return generator(0, "shift of a scan", digest).uniform(-half, half)
 
 
 def _true_classes(reference: PointCloud, network: Any) -> tuple[Classes, Any]:
