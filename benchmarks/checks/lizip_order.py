@@ -13,13 +13,13 @@ ours byte by byte, and the points that both decode.
 from __future__ import annotations
 
 import argparse
-import lzma
 import subprocess
 from collections.abc import Iterator
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
 import numpy as np
+from benchmarks.claims.order import differences
 
 from pcc_networks import lizip
 from pcc_networks.lizip.stream import authors_file
@@ -39,10 +39,7 @@ def sizes(points: Floats, weights: LizipWeights) -> Iterator[tuple[str, int]]:
     yield "LAZ, file's order", len(encode_laz(points, STEP_M))
     sorted_points = lizip.decode(stream, weights)
     yield "LAZ, LiZIP's order", len(encode_laz(sorted_points, STEP_M))
-    steps = np.rint(sorted_points / STEP_M).astype("<i4")
-    differences = np.diff(steps, axis=0, prepend=np.zeros((1, 3), np.int32)).astype("<i4")
-    planes = differences.view(np.uint8).reshape(-1, 4).T.tobytes()
-    yield "differences, LiZIP's order", len(lzma.compress(planes, preset=9))
+    yield "differences, LiZIP's order", len(differences(sorted_points, STEP_M))
 
 
 def beside(program: Path, frame: Path, weights_file: Path, weights: LizipWeights) -> str:
