@@ -156,6 +156,10 @@ def this_machine() -> dict[str, str]:
         "puckbench": __version__,
         "Python": f"{platform.python_implementation()} {platform.python_version()}",
         "Libraries": ", ".join(f"{name} {version}" for name, version in versions.items()),
-        "System": f"{platform.system()} {platform.machine()}",
+        "System": ", ".join(
+            filter(
+                None, (f"{platform.system()} {platform.machine()}", " ".join(platform.libc_ver()))
+            )
+        ),
         "Processor": f"{cpu_model()} ({os.cpu_count()} logical cores)",
     }
