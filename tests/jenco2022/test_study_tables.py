@@ -27,8 +27,9 @@ def test_a_table_without_inputs_is_written_in_both_forms(tmp_path: Path) -> None
 
 
 def test_a_scan_s_points_and_their_effect(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    monkeypatch.chdir(tmp_path)  # the working folder may hold the results of a run
     scan = tmp_path / "scan.parquet"
     WallPoints(distances_m=(1.0,), rows=2000).run(scan)
     points = pd.read_parquet(scan)

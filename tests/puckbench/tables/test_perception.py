@@ -151,7 +151,7 @@ def test_figure_tells_codecs_of_returns_and_of_points() -> None:
     titles = [axes.get_title().replace("\n", " ") for axes in figure.axes if axes.axison]
     assert titles == ["Streets (n = 6)", "Ways (n = 6)"]
     labels = [axes.get_ylabel() for axes in figure.axes if axes.axison]
-    assert labels == ["Seen:\nloss (%)", "Missed:\nloss (m)"]
+    assert labels == ["Seen:\nloss (points)", "Missed:\nloss (m)"]
 
 
 def test_scores_over_all_scans_are_those_of_added_counts() -> None:
