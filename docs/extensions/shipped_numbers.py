@@ -273,19 +273,30 @@ def _bits_cell(row: Any, lowest: float) -> str:
     return f"{'≤ ' if row['bits'] <= lowest else ''}{row['bits']:.2f} ({row['rate']})"
 
 
+@cache
+def _scans_of_perception() -> pd.DataFrame:
+    return with_scenes(results("perception").metrics)
+
+
+def _of_scenes(dataset: str, rate: str, codec: str) -> pd.DataFrame:
+    """Return the mean results of each scene, a row for each, by one codec at one rate."""
+    made = _scans_of_perception()
+    named = (made["dataset"] == dataset) & (made["rate"] == rate) & (made["codec"] == codec)
+    return made[named].groupby(SCENE).mean(numeric_only=True)
+
+
 @shown
 def perception_losses_table() -> str:
     """Losses of mean IoU by our network for steps of `puck`, `gpcc` and `draco`.
 
     The last columns are the losses by the decoded points alone.
     """
-    made, style, rows = with_scenes(results("perception").metrics), results("perception").style, []
+    style, rows = results("perception").style, []
     for dataset in _perception_order("dataset"):
         for rate in ("500mm", "200mm", "100mm"):
-            named = (made["dataset"] == dataset) & (made["rate"] == rate)
             asked, alone = [], []
             for codec in ("puck", "gpcc", "draco"):
-                part = made[named & (made["codec"] == codec)].groupby(SCENE).mean(numeric_only=True)
+                part = _of_scenes(dataset, rate, codec)
                 undecoded, coded, decoded = (
                     part[f"segmentation_{way}miou_percent"]
                     for way in ("undecoded_", "", "decoded_")
@@ -304,17 +315,11 @@ def perception_pairs_table() -> str:
 
     Differences that are not zero by Holm's correction for all comparisons are bold.
     """
-    made, style = with_scenes(results("perception").metrics), results("perception").style
+    style = results("perception").style
     names, rows, differences = ("gpcc", "gpcc_angular", "puck"), [], []
     for dataset in _perception_order("dataset"):
-        of_scans = made[made["dataset"] == dataset]
         for rate in ("500mm", "200mm", "100mm", "50mm", "20mm"):
-            scenes = {
-                codec: of_scans[(of_scans["codec"] == codec) & (of_scans["rate"] == rate)]
-                .groupby(SCENE)[["bpp", "segmentation_miou_percent"]]
-                .mean()
-                for codec in names
-            }
+            scenes = {codec: _of_scenes(dataset, rate, codec) for codec in names}
             bits = (f"{scenes[codec]['bpp'].mean():.2f}" for codec in names)
             rows.append([f"{style.title(dataset)}, {rate}", *bits])
             puck, gpcc = (scenes[name]["segmentation_miou_percent"] for name in ("puck", "gpcc"))

@@ -323,7 +323,7 @@ D = TypeVar("D", bound=np.floating[Any])
 
 @contextmanager
 def telling(fault: str) -> Iterator[None]:
-    """Raise InputError if parameters of a checkpoint are missing or of another kind.
+    """Turn errors of the enclosed code, which uses parameters of a checkpoint, into one InputError.
 
     The message is `fault`, with the reason in brackets. What is caught are the errors that Python
     and PyTorch raise, and the ValueError of `checkpoint_arrays`.
@@ -338,7 +338,9 @@ def telling(fault: str) -> Iterator[None]:
 def checkpoint_arrays(
     checkpoint: Mapping[str, Any], shapes: Mapping[str, tuple[int, ...]], dtype: type[D]
 ) -> dict[str, NDArray[D]]:
-    """Return parameters of a checkpoint as arrays of a type, by name.
+    """Return parameters of a checkpoint as NumPy arrays, by name.
+
+    `shapes` has the names and the expected shapes, `dtype` is the element type of the arrays.
 
     Raises ValueError if a parameter has another shape than that in `shapes`, or is not finite.
     """

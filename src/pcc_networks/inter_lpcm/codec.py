@@ -251,7 +251,9 @@ def _decoded_azimuth(part: Part, network: SymbolNetwork, starts: Ints) -> Ints:
 
 
 def _summed(azimuth: Ints, heads: Heads, starts: Ints) -> Ints:
-    """Return the azimuths (n,) of all points, in steps, from the differences along each line.
+    """Return the azimuths (n,) of all points, as numbers of azimuth steps.
+
+    `azimuth` (n,) has the difference of each point to the point before in its line.
 
     A line begins at the azimuth in its head. Raises InputError if an azimuth is not within a turn.
     """

@@ -25,8 +25,8 @@ from pointkit.geometry.cloud import Floats
 RADIUS, ELEVATION = 0, 1
 """Kinds of symbols that are coded during the prediction."""
 SYMBOLS_PER_UNIT = (66, 15)
-"""Numbers by which differences to the prediction are multiplied before they are rounded to symbols:
-of radii in metres, and of elevations in degrees."""
+"""Symbols per metre of radius, and per degree of elevation. A symbol is the difference between a
+value and its prediction, times this number and rounded."""
 NETWORK_LINES = 8
 """Lines, from the first on, whose radii a network predicts if there is a preceding turn."""
 _STEPS_BEFORE = 2

@@ -55,7 +55,10 @@ class Heads(NamedTuple):
 
     @property
     def starts(self) -> NDArray[np.int64]:
-        """Index of the first point of each line, and the number of all points, (lines + 1,)."""
+        """Index of the first point of each line; the last element is the number of all points.
+
+        The shape is (lines + 1,), so that line k has the points from element k to element k + 1.
+        """
         return np.concatenate([[0], np.cumsum(self.lengths)])
 
 
@@ -69,7 +72,7 @@ class Part(NamedTuple):
 
 @dataclass(frozen=True)
 class LpcmStream:
-    """Contents of a stream of Inter-LPCM: numbers of its header, and coded symbols of each kind."""
+    """A stream of Inter-LPCM, divided into the numbers of its header and its four coded parts."""
 
     digest: bytes  # of the weights
     reference: int  # CRC-32 of the preceding turn, or 0

@@ -23,7 +23,8 @@ from pointkit.coding.intrinsics import add_products
 from pointkit.compiling import compiled
 
 _BLOCK_ROWS = 128
-"""Number of rows that are computed together, such that their sums fit the first-level cache."""
+"""Number of voxels that a layer computes together, so that their sums fit the
+processor's first-level cache."""
 _ZERO = np.float32(0)
 _SPREAD = float(2**CDF_BITS - VALUES)
 """Total frequency, minus 1 for each of the 16 values."""

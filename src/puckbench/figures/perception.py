@@ -84,7 +84,10 @@ def draw_perception(perception_losses: pd.DataFrame, style: FigureStyle) -> Figu
 
 
 def _loss_label(task: str, unit: str) -> str:
-    """Return a label in short lines; losses of percentages are in percentage points."""
+    """Return the label of a y axis: a task in short lines, and the unit of its losses.
+
+    The loss of a result in percent is in percentage points.
+    """
     lines = task.replace(", ", ",\n")
     return f"{lines}:\nloss ({'points' if unit == '%' else unit})"
 

@@ -156,10 +156,6 @@ def this_machine() -> dict[str, str]:
         "puckbench": __version__,
         "Python": f"{platform.python_implementation()} {platform.python_version()}",
         "Libraries": ", ".join(f"{name} {version}" for name, version in versions.items()),
-        "System": ", ".join(
-            filter(
-                None, (f"{platform.system()} {platform.machine()}", " ".join(platform.libc_ver()))
-            )
-        ),
+        "System": " ".join([platform.system(), platform.machine(), *platform.libc_ver()]).strip(),
         "Processor": f"{cpu_model()} ({os.cpu_count()} logical cores)",
     }

@@ -29,7 +29,7 @@ TABLES = (
     *(PCGC, "reno_weights", "lizip_weights", "polopcac_weights", "ouster_recordings"),
     *("sfnd_lidar_1", "sfnd_lidar_2", "sfnd_tracking", "inter_lpcm_turns"),
 )
-"""Names of the tables, and of their files without the ending."""
+"""Names of the tables of files to download. Table NAME is the file NAME.yaml beside this module."""
 
 
 def published(name: str = PCGC) -> dict[str, Any]:
@@ -166,5 +166,8 @@ def credits_text(name: str, _: Path) -> str:
 
 
 def terms_of(name: str) -> str:
-    """Return the conditions of use that a table states, or an empty text."""
+    """Return the conditions under which the files of a table may be used, as text to show.
+
+    The text is empty if the table states none.
+    """
     return str(published(name).get("terms", ""))

@@ -155,7 +155,7 @@ class MiniNetSegmentation(SegmentationMetric):
 
 
 def network_shift(points: Floats, cell_m: Sequence[float]) -> Floats:
-    """Return the vector (3,), m, by which a scan is displaced before a network sees it.
+    """Return a random vector (x, y, z), m, to be added to a scan before a network sees it.
 
     It is drawn uniformly from a cell around zero. It depends only on the cell and on the points to
     the millimetre, so that it is the same on every machine.
