@@ -67,7 +67,7 @@ class LogHandler(LogHandlerBase):
         self._work = self._done_work = self._expected_s = 0.0
         self._began = self._last_shown = time.monotonic()
         self._bar: Progress | None = None
-        self._watch: threading.Timer | None = None
+        self._ended = threading.Event()
         BARS.append(self)
 
     def expect(
@@ -112,13 +112,12 @@ class LogHandler(LogHandlerBase):
             self._print(self.format(record))
 
     def close(self) -> None:
-        """Remove the progress bar, and stop the timer that looks for overdue jobs."""
+        """Remove the progress bar, and end the thread that looks for overdue jobs."""
+        self._ended.set()
         self.acquire()
         if self._bar:
             self._bar.stop()
         self._bar = None
-        if self._watch:
-            self._watch.cancel()
         self.release()
         super().close()
 
@@ -137,9 +136,13 @@ class LogHandler(LogHandlerBase):
             self._bar = _new_bar()
             self._bar.add_task("", total=self._work, left=left)
             self._bar.start()
-        self._watch_jobs()
+        threading.Thread(target=self._watch_jobs, daemon=True).start()
 
     def _watch_jobs(self) -> None:
+        while not self._ended.wait(_SECONDS_BETWEEN_LINES):
+            self._tell_overdue_jobs()
+
+    def _tell_overdue_jobs(self) -> None:
         for job in list(self._running.values()):
             running_s = time.monotonic() - job.began
             expected_s = max(1.0, self._job_s(job.rule))
@@ -147,9 +150,6 @@ class LogHandler(LogHandlerBase):
                 job.reports += 1
                 expected = f"{_duration(expected_s)} were expected"
                 self._tell(f"still running: {job.name}, {_duration(running_s)}; {expected}")
-        self._watch = threading.Timer(_SECONDS_BETWEEN_LINES, self._watch_jobs)
-        self._watch.daemon = True
-        self._watch.start()
 
     def _take_start(self, event: dict[str, Any]) -> None:
         wildcards = dict(event["wildcards"] or {})

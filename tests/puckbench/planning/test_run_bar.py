@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import logging
+import time
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +15,7 @@ from snakemake_interface_logger_plugins.common import LogEvent
 from snakemake_interface_logger_plugins.settings import LogHandlerSettingsBase
 from snakemake_interface_logger_plugins.tests import MockOutputSettings, TestLogHandlerBase
 
-from snakemake_logger_plugin_puckbench import LogHandler
+from snakemake_logger_plugin_puckbench import BARS, LogHandler
 
 JOBS = {"long": 2, "short": 2, "all": 1, "total": 5}
 
@@ -33,6 +35,14 @@ def clock(monkeypatch: pytest.MonkeyPatch) -> Clock:
     result = Clock()
     monkeypatch.setattr("snakemake_logger_plugin_puckbench.time", result)
     return result
+
+
+@pytest.fixture(autouse=True)
+def closed_bars() -> Iterator[None]:
+    """Close the handlers of a test, so that none of them prints during a later test."""
+    yield
+    for bar in BARS:
+        bar.close()
 
 
 class TestInterface(TestLogHandlerBase):
@@ -146,14 +156,35 @@ def test_an_overdue_job_is_named(clock: Clock, capsys: pytest.CaptureFixture[str
     bar = begun()
     told(bar, LogEvent.JOB_INFO, jobid=1, rule_name="short", wildcards={"cloud": "a"})
     clock.now = 59.0
-    bar._watch_jobs()
+    bar._tell_overdue_jobs()
     clock.now = 61.0
-    bar._watch_jobs()
+    bar._tell_overdue_jobs()
     clock.now = 100.0
-    bar._watch_jobs()
+    bar._tell_overdue_jobs()
     bar.close()
     lines = capsys.readouterr().err.splitlines()[1:]
     assert lines == ["puckbench: still running: short a, 61 s; 10 s were expected"]
+
+
+def test_overdue_jobs_are_looked_for_until_the_run_ends(
+    clock: Clock, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("snakemake_logger_plugin_puckbench._SECONDS_BETWEEN_LINES", 0.01)
+    bar = begun()
+    told(bar, LogEvent.JOB_INFO, jobid=1, rule_name="short", wildcards={"cloud": "a"})
+    clock.now = 61.0
+    deadline = time.monotonic() + 30
+    output = ""
+    while "still running" not in output and time.monotonic() < deadline:
+        time.sleep(0.01)
+        output += capsys.readouterr().err
+    assert output.splitlines()[1:] == [
+        "puckbench: still running: short a, 61 s; 10 s were expected"
+    ]
+    bar.close()
+    clock.now = 10_000.0
+    time.sleep(0.1)
+    assert capsys.readouterr().err == ""
 
 
 def test_a_job_that_ended_without_its_files_is_not_running(
@@ -165,7 +196,7 @@ def test_a_job_that_ended_without_its_files_is_not_running(
     text = format_exception_to_string(missing)
     bar.emit(logging.LogRecord("snakemake", logging.ERROR, "", 0, text, (), None))
     clock.now = 200.0
-    bar._watch_jobs()
+    bar._tell_overdue_jobs()
     bar.close()
     output = capsys.readouterr().err
     assert "some output files are missing" in output
