@@ -1,4 +1,4 @@
-"""What a script prints where NumPy and its linear algebra take other instructions."""
+"""What a script prints where NumPy, its linear algebra and the C library use other instructions."""
 
 from __future__ import annotations
 
@@ -11,6 +11,7 @@ _PROCESSORS: tuple[dict[str, str], ...] = (
     {
         "OPENBLAS_CORETYPE": "Nehalem",
         "NPY_DISABLE_CPU_FEATURES": "X86_V3 X86_V4 AVX2 FMA3 AVX512F AVX512_SKX",
+        "GLIBC_TUNABLES": "glibc.cpu.hwcaps=-AVX2,-FMA,-FMA4",
     },
     {"OPENBLAS_CORETYPE": "Haswell"},
 )

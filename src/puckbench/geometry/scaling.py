@@ -17,6 +17,9 @@ FAR_M = 1000.0
 _GRID_TOLERANCE = 1e-3
 """Largest distance from the grid, in voxels; it is far above the rounding errors of conversions."""
 
+_STEPS_PER_UNIT = 2.0**16
+"""Steps of scaled coordinates, which are much larger than differences between processors."""
+
 
 class Scaling(NamedTuple):
     """A transform from metres to a cloud's coordinates: ``scaled = (metres - offset) * scale``.
@@ -35,6 +38,15 @@ class Scaling(NamedTuple):
     def apply(self, points: Floats) -> Floats:
         """Return the scaled coordinates, (n, 3), of `points` (n, 3) in m."""
         return (points - self.offset) * self.scale
+
+
+def without_last_digits(scaled: Floats) -> Floats:
+    """Round scaled coordinates, (n, 3), to multiples of 2^-16.
+
+    The sines and cosines of a scan differ in their last digits between processors and between C
+    libraries. Without these digits, the cloud of a scan is the same everywhere.
+    """
+    return np.asarray(np.rint(scaled * _STEPS_PER_UNIT) / _STEPS_PER_UNIT)
 
 
 def origin_shift(points: Floats) -> Floats:

@@ -14,6 +14,7 @@ from puckbench.geometry.scaling import (
     cube_scaling,
     grid_scaling,
     origin_shift,
+    without_last_digits,
 )
 from puckbench.metrics.default_peak import PEAK_M
 
@@ -57,6 +58,8 @@ class MeasuredPoints:
         """Return the true points, scaled and shifted like a prepared cloud."""
         about = {key: prepared.about[key] for key in ("scale", "offset", "size")}
         xyz = Scaling(about["scale"], np.asarray(about["offset"])).apply(self.clean.xyz)
+        if about["size"]:
+            xyz = without_last_digits(xyz)
         return replace(self.clean, xyz=xyz, about=about)
 
 
@@ -72,8 +75,9 @@ def prepare(cloud: PointCloud, size: int | str = 1024, neighbours: int = 30) -> 
         Cloud in metres.
     size
         Number of grid positions along a side of the cube [0, size - 1] to which the cloud is
-        scaled. With 0 or `METRIC`, the cloud stays in metres, but is shifted if coordinates are
-        large (`origin_shift`). With `GRID`, it gets the coordinates of its own voxel grid.
+        scaled, in multiples of 2^-16. With 0 or `METRIC`, the cloud stays in metres, but is shifted
+        if coordinates are large (`origin_shift`). With `GRID`, it gets the coordinates of its own
+        voxel grid.
     neighbours
         Number of neighbouring points from which a normal is estimated.
     """
@@ -82,6 +86,9 @@ def prepare(cloud: PointCloud, size: int | str = 1024, neighbours: int = 30) -> 
     from puckbench.metrics.diameter import diameter
 
     scaling, xyz, side = _scaled(cloud, size)
+    digest = cloud_digest(xyz, metric=side == 0)
+    if side:
+        xyz = without_last_digits(xyz)
     about = {
         **cloud.about,
         "scale": float(scaling.scale),
@@ -92,7 +99,7 @@ def prepare(cloud: PointCloud, size: int | str = 1024, neighbours: int = 30) -> 
         **_elongations(cloud.xyz),
         **density_in_metres(density(xyz), float(scaling.scale)),
         "diameter": diameter(xyz),
-        "digest": cloud_digest(xyz, metric=side == 0),
+        "digest": digest,
         **({} if side else {"peak": cloud.about.get("peak", PEAK_M)}),
     }
     return replace(cloud, xyz=xyz, normals=estimate_normals(xyz, neighbours), about=about)

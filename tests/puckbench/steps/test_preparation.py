@@ -9,6 +9,7 @@ from puckbench.geometry.normals import estimate_normals
 from puckbench.geometry.sampling import sample_surface
 from puckbench.geometry.scaling import cube_scaling
 from puckbench.steps.preparation import MeasuredPoints, prepare
+from tests.support.processors import printed_on_processors
 
 
 def _two_triangles() -> Mesh:
@@ -75,7 +76,8 @@ def test_a_prepared_cloud_knows_its_way_back_to_metres() -> None:
     ready = prepare(cloud, 1024, 10)
     assert ready.xyz.min() == 0
     assert ready.xyz.max() == pytest.approx(1023)
-    assert np.allclose(ready.to_metres(ready.xyz), cloud.xyz, atol=1e-9)
+    step_m = 2.0**-16 * 4 / 1023
+    assert np.allclose(ready.to_metres(ready.xyz), cloud.xyz, rtol=0, atol=0.51 * step_m)
     assert ready.about["elongation"] == pytest.approx(0.5, abs=0.02)
     assert ready.normals is not None
     assert np.allclose(np.linalg.norm(ready.normals, axis=1), 1)
@@ -116,4 +118,26 @@ def test_true_points_are_scaled_like_the_measured_ones() -> None:
     noisy = PointCloud(clean.xyz + 0.01)
     ready = prepare(noisy, 1024, 10)
     truth = MeasuredPoints(noisy, clean).truth_in_frame_of(ready)
-    assert np.allclose(ready.to_metres(truth.xyz), clean.xyz, atol=1e-9)
+    assert np.allclose(ready.to_metres(truth.xyz), clean.xyz, rtol=0, atol=1e-8)
+
+
+_SCALED_SCAN = """
+from hashlib import sha256
+import numpy as np
+from pointkit.geometry.cloud import PointCloud
+from pointkit.lidar.sensors import load_sensor
+from puckbench.steps.preparation import prepare
+from virtual_lidar import free_origin, open_error_model, open_sweep, scan
+from virtual_lidar.scenes.rooms import make_room
+
+mesh = make_room("office_1", seed=1)
+sweep, model = open_sweep({"azimuth_step_deg": 1.0}), open_error_model("vlp16", None)
+random = np.random.default_rng(1)
+table = scan(mesh, load_sensor("vlp16"), sweep, model, free_origin(mesh), random)
+ready = prepare(PointCloud(table.xyz_noisy), 1024, 10)
+print(len(ready.xyz), sha256(ready.xyz.tobytes()).hexdigest())
+"""
+
+
+def test_the_scaled_cloud_of_a_scan_is_the_same_on_every_processor() -> None:
+    assert len(printed_on_processors(_SCALED_SCAN)) == 1
