@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import platform
 from pathlib import Path
 
 import numpy as np
@@ -13,6 +14,7 @@ from safetensors.numpy import load, save
 from lidar_segmentation import SegmentationNetwork, class_map, open_network, shipped
 from pointkit.errors import InputError
 from tests.lidar_segmentation.toy import SETTINGS, scan
+from tests.support.processors import printed_on_processors
 
 pytestmark = pytest.mark.usefixtures("one_thread")
 
@@ -64,6 +66,25 @@ def test_predictions_depend_on_neither_order_nor_threads_nor_precision(name: str
     torch.set_num_threads(1)
     network.module.double()
     assert (network.predict(points) == predicted).mean() > 0.9999
+
+
+_PREDICT = """
+from lidar_segmentation import open_network
+from tests.lidar_segmentation.test_networks import SHIPPED, street
+for name in SHIPPED:
+    print(open_network(name).predict(street()).tobytes().hex())
+"""
+
+
+@pytest.mark.skipif(platform.machine() != "x86_64", reason="names instructions of x86-64")
+def test_predictions_do_not_depend_on_the_instructions_of_libraries() -> None:
+    first, *others = (
+        np.frombuffer(bytes.fromhex(line), np.uint8)
+        for line in ("".join(printed.split()) for printed in printed_on_processors(_PREDICT))
+    )
+    assert len(first) == len(SHIPPED) * len(street())
+    for other in others:
+        assert (other == first).mean() > 0.9999
 
 
 def test_a_road_between_walls_is_a_road_between_buildings() -> None:

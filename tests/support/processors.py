@@ -1,4 +1,4 @@
-"""What a script prints where NumPy, its linear algebra and the C library use other instructions."""
+"""What a script prints where libraries (NumPy, PyTorch, the C library) use other instructions."""
 
 from __future__ import annotations
 
@@ -12,6 +12,8 @@ _PROCESSORS: tuple[dict[str, str], ...] = (
         "OPENBLAS_CORETYPE": "Nehalem",
         "NPY_DISABLE_CPU_FEATURES": "X86_V3 X86_V4 AVX2 FMA3 AVX512F AVX512_SKX",
         "GLIBC_TUNABLES": "glibc.cpu.hwcaps=-AVX2,-FMA,-FMA4",
+        "ATEN_CPU_CAPABILITY": "default",
+        "ONEDNN_MAX_CPU_ISA": "SSE41",
     },
     {"OPENBLAS_CORETYPE": "Haswell"},
 )
