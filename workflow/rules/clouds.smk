@@ -10,7 +10,7 @@ rule sample:
         about=f"{RESULTS}/samples/{{dataset}}/{{cloud}}.json",
     log:
         sample.log,
-    priority: 1
+    priority: priority_of
     conda:
         "../../envs/puckbench.yaml"
     resources:
@@ -39,7 +39,7 @@ rule prepare:
         prepare.log,
     wildcard_constraints:
         dataset=one_of(flow.files.prepared(has_returns=False)),
-    priority: 1
+    priority: priority_of
     conda:
         "../../envs/puckbench.yaml"
     resources:
@@ -71,7 +71,7 @@ rule prepare_returns:
         prepare_returns.log,
     wildcard_constraints:
         dataset=one_of(flow.files.prepared(has_returns=True)),
-    priority: 1
+    priority: priority_of
     conda:
         "../../envs/puckbench.yaml"
     resources:

@@ -55,8 +55,15 @@ def one_of(names):
 
 
 def priority_of(wildcards):
-    """Prefer curves of the first codec, which the rule `first_look` shows."""
-    return 1 if wildcards.codec == flow.outputs.first_codec else 0
+    """Prefer the jobs that the rule `first_look` waits for, then those that make clouds."""
+    places = {
+        "scene_set": flow.outputs.first_scene_sets,
+        "dataset": flow.outputs.first_datasets,
+        "codec": {flow.outputs.first_codec},
+    }
+    if all(wildcards[key] in places[key] for key in wildcards.keys() & places.keys()):
+        return 2
+    return int("codec" not in wildcards.keys())
 
 
 if workflow.is_main_process:

@@ -45,7 +45,7 @@ if FIRST_FIGURES:
             images=FIRST_FIGURES,
         log:
             first_look.log,
-        priority: 2
+        priority: 3
         conda:
             "../../envs/puckbench.yaml"
         resources:

@@ -9,7 +9,7 @@ rule scan:
         f"{RESULTS}/scans/{{dataset}}/{{cloud}}.parquet",
     log:
         scan.log,
-    priority: 1
+    priority: priority_of
     conda:
         "../../envs/puckbench.yaml"
     resources:

@@ -12,7 +12,7 @@ rule scene:
         scene.log,
     wildcard_constraints:
         scene_set=one_of(set(plan.scene_sets) - set(flow.files.of_returns)),
-    priority: 1
+    priority: priority_of
     conda:
         "../../envs/puckbench.yaml"
     resources:

@@ -306,10 +306,22 @@ class Outputs:
             return []
         return [name for name in self.figures if figure_entry(name).is_first_look]
 
+    @cached_property
+    def first_datasets(self) -> set[str]:
+        """Names of the data sets of the first look: scaled ones if any, since turns take longer."""
+        coded = {dataset for dataset, _, codec in self.plan.curves if codec == self.first_codec}
+        return coded.intersection(self.plan.in_frame("scaled")) or coded
+
+    @cached_property
+    def first_scene_sets(self) -> set[str]:
+        """Names of the scene sets of the first look."""
+        return {self.plan.datasets[name].scene_set for name in self.first_datasets}
+
     @property
     def first_rows(self) -> tuple[str, ...]:
-        """Files with the first codec's rows of results, relative to the results folder."""
-        return self.plan.rows("metrics", self.first_codec)
+        """Files with the rows of results of the first look, relative to the results folder."""
+        rows = self.plan.rows("metrics", self.first_codec)
+        return tuple(name for name in rows if name.split("/")[1] in self.first_datasets)
 
     # ---- report
 

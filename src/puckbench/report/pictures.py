@@ -75,5 +75,5 @@ def _narrowed(image: Pixels, width: int) -> Picture:
     size = min(width, image.width), height
     small = image if size == image.size else image.resize(size, Image.Resampling.LANCZOS)
     buffer = io.BytesIO()
-    small.quantize(_COLOURS, dither=Image.Dither.NONE).save(buffer, format="PNG", optimize=True)
+    small.quantize(_COLOURS, dither=Image.Dither.NONE).save(buffer, format="PNG")
     return Picture(buffer.getvalue(), *size)

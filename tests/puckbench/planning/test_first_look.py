@@ -25,3 +25,21 @@ def test_its_rows_are_those_of_the_first_codec_alone() -> None:
 def test_other_codecs_rates_do_not_change_its_job() -> None:
     item = first_look(draco={}, gpcc={"rates": ["r1", "r2"]})
     assert first_look(draco={}, gpcc={"rates": ["r1", "r3"]}).key == item.key
+
+
+def test_turns_are_left_to_a_later_look() -> None:
+    spin = {"scene_set": "s", "make": "scan", "size": "metric", "sweep": {"preset": "spin"}}
+    config = {
+        "scene_sets": {
+            "a": {"loader": "embedded_objects", "limit": 1},
+            "s": {"loader": "street", "options": {"streets": 1}},
+        },
+        "datasets": {"d": {"scene_set": "a", "make": "sample"}, "turns": spin},
+        "codecs": {"draco": {}},
+    }
+    outputs = Workflow(config).outputs
+    assert outputs.first_datasets == {"d"}
+    assert outputs.first_scene_sets == {"a"}
+    assert outputs.first_rows == ("metrics/d/airplane_01/draco.parquet",)
+    of_turns = Workflow({**config, "datasets": {"turns": spin}}).outputs
+    assert of_turns.first_datasets == {"turns"}
