@@ -42,6 +42,7 @@ CONFIG: dict[str, Any] = {
 }
 SAMPLED = ("draco", "gpcc", "puck")
 """Fast codecs that every study has; a small one may have one of them alone."""
+OF_UNROUNDED_CLOUDS = {"capod", "capod_first"}
 FRAMES: dict[CoordinateFrame, str] = {"scaled": "rates", "metric": "metric_rates"}
 COMPARED = {"d1_mse", "d2_mse", "d1_psnr", "d2_psnr", "cd_plane", "truth_cd_plane"}
 
@@ -168,6 +169,8 @@ def test_a_study_of_clouds_in_metres_alone_is_made_again(tmp_path: Path) -> None
 
 @pytest.mark.parametrize("name", shipped_studies())
 def test_the_results_that_come_with_puckbench_are_made_again(name: str, tmp_path: Path) -> None:
+    if name in OF_UNROUNDED_CLOUDS:
+        pytest.skip("coded before clouds were rounded, as the reference's README says")
     reference = read_reference(name)
     if missing := missing_data(only(reference)):
         pytest.skip(f"the data of this study are not here: {', '.join(missing)}")
