@@ -146,8 +146,7 @@ class PointCoder:
         width
             Number of points in a row of an organised cloud, otherwise 0.
         """
-        layout = self._layout
-        values = [layout.values(points, column).astype(np.int64) for column in layout.columns]
+        values = self._layout.all_values(points)
         plan, aim = self._plan(values, width)
         plan = replace(plan, columns=self._limited(plan.columns))
         if _count_values(plan, len(points)) > _MOST_VALUES:
@@ -173,9 +172,8 @@ class PointCoder:
             for one in plan.columns
         ]
         self._code(plan, values, width, PartReader(reader), None)
-        points = np.zeros((count, layout.point_step), np.uint8)
-        for column, numbers in zip(layout.columns, values, strict=True):
-            layout.put(points, column, numbers.astype(f"u{column.size}"))
+        points = np.empty((count, layout.point_step), np.uint8)
+        layout.put_all(points, values)
         return points
 
     def _plan(self, values: list[Ints], width: int) -> tuple[_Plan, _Aim | None]:
@@ -223,11 +221,11 @@ class PointCoder:
         aim
             Azimuths and ranges of the points on the rays, or None.
         """
-        points = np.stack([singles(axis[there]) for axis in xyz], axis=1).astype(np.float64)
-        rings = rings[there]
+        axes, rings = [singles(axis[there]) for axis in xyz], rings[there]
         is_good = len(there) and rings.min() >= 0 and rings.max() < RINGS
-        if not is_good or not np.isfinite(points).all() or not np.ptp(points, axis=0).all():
+        if not is_good or not all(np.isfinite(axis).all() and np.ptp(axis) for axis in axes):
             return _Plan(()), None
+        points = np.stack(axes, axis=1).astype(np.float64)
         old = self._state.rays or self._first_rays
         located = None if old is None else old.located(points, rings)
         has_old_rays = located is not None and self._state.rays is not None

@@ -95,7 +95,7 @@ def plan_column(column: Column, values: Ints, width: int) -> ColumnPlan:
     width
         Number of points in a row of an organised cloud, otherwise 0.
     """
-    if (values == values[0]).all():
+    if values.strides == (0,) or (values == values[0]).all():
         return ColumnPlan(Way.CONSTANT, lowest=int(values[0]) % _WORD)
     if column.name.lower() in RING_NAMES + _TIME_NAMES or _is_regular(values, width):
         return ColumnPlan(Way.SERIES)

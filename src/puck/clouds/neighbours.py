@@ -46,7 +46,7 @@ def rings_of(rings: Words, azimuths: Ints, steps: int, count: int) -> Rings:
     Rings
         Order of the points, and how far the sensor had turned at each.
     """
-    order = np.argsort(rings, kind="stable").astype(np.int32)
+    order = np.argsort(rings.astype(np.uint16), kind="stable").astype(np.int32)
     starts = np.searchsorted(rings[order], np.arange(count + 1)).astype(np.int64)
     half = steps // 2
     changes = np.diff(azimuths[order], prepend=azimuths[:1] * 0)

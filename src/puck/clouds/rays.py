@@ -10,7 +10,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from itertools import pairwise
-from typing import Any, NamedTuple, Self
+from typing import NamedTuple, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,11 +18,18 @@ from numpy.typing import NDArray
 from pointkit.coding.byte_io import Reader, base_128
 from pointkit.coding.context_mixing import Ints
 from pointkit.geometry.cloud import Floats
+from puck.clouds.ray_loops import (
+    Rows,
+    fill_coordinates,
+    fill_places,
+    fill_refined_ranges,
+    fill_turns,
+    fitted_line,
+)
 from puck.records import check
 
 Singles = NDArray[np.float32]
 Group = NDArray[np.intp]
-Rows = NDArray[np.integer[Any]]
 
 _UNITS_M = (0.008, 0.005, 0.004, 0.002, 0.001)
 """Units of which the ranges may be multiples, in the order in which they are tried. If ranges are
@@ -40,6 +47,8 @@ _OFF, _MOST_OFF = 0.1, 0.1
 """A value is off if it is farther than this share of a unit from a multiple of the unit. Units fit
 if at most this share of the values are off."""
 _NEAR_M = 1e-3
+_MOST_OF_PHASE = 10_000
+"""Largest number of azimuths from which the azimuth of step 0 is estimated."""
 _LINE = 6
 
 
@@ -108,31 +117,21 @@ class Rays:
         check(abs(phase) < 1e6)
         return replace(self, phase=phase)
 
-    def _turned(self, azimuths: Ints) -> tuple[Floats, Floats]:
-        cosines, sines = _circle(self.count, self.step, self.phase)
-        return cosines[azimuths], sines[azimuths]
-
     def predicted(self, rings: Rows, azimuths: Ints, ranges: Floats) -> tuple[Floats, ...]:
         """Return x, y and z (n,) of points at ranges (n,), which are counted in units."""
-        lines = self.lines[rings]
-        cosines, sines = self._turned(azimuths)
-        along, side = lines[:, 0] + lines[:, 3] * ranges, lines[:, 1] + lines[:, 4] * ranges
-        x, y = along * cosines - side * sines, along * sines + side * cosines
-        return x, y, lines[:, 2] + lines[:, 5] * ranges
+        x, y, z = found = np.empty((3, len(rings)))
+        circle = _circle(self.count, self.step, self.phase)
+        fill_coordinates(self.lines, *circle, rings, azimuths, ranges, found)
+        return x, y, z
 
     def refined(
         self, rings: Rows, azimuths: Ints, values: Singles, is_x: NDArray[np.bool_]
     ) -> Floats:
         """Return ranges (n,) in units from a coordinate of each point: x where `is_x`, else y."""
-        along, side, _, along_more, side_more, _ = self.lines[rings].T
-        cosines, sines = self._turned(azimuths)
-        first = np.where(is_x, along * cosines - side * sines, along * sines + side * cosines)
-        more = np.where(
-            is_x,
-            along_more * cosines - side_more * sines,
-            along_more * sines + side_more * cosines,
-        )
-        return np.asarray((values - first) / np.where(more == 0, 1.0, more))
+        ranges = np.empty(len(rings))
+        circle = _circle(self.count, self.step, self.phase)
+        fill_refined_ranges(self.lines, *circle, rings, azimuths, values, is_x, ranges)
+        return ranges
 
     def from_level(self, rings: Rows, x: Singles, y: Singles) -> Floats:
         """Compute ranges from the horizontal distances of points to the sensor's axis.
@@ -170,24 +169,18 @@ class Rays:
         """Return points (n, 3) on these rays, turned as they are; None if they do not fit."""
         if int(rings.max(initial=0)) >= len(self.lines) or not len(rings):
             return None
-        used = self.lines[np.unique(rings)]
+        used = self.lines[: int(rings.max()) + 1][np.bincount(rings) > 0]
         if (np.abs(used[:, 3]) + np.abs(used[:, 4]) == 0).any():
             return None
-        along, side, more = self._straight()
-        level, around = np.hypot(xyz[:, 0], xyz[:, 1]), np.arctan2(xyz[:, 1], xyz[:, 0])
-        first, up = np.sqrt(np.maximum(level * level - (side * side)[rings], 0)), self.lines[:, 5]
-        square = more * more + up * up
-        ranges = (first - along[rings]) * (more / square)[rings]
-        ranges += (xyz[:, 2] - self.lines[rings, 2]) * (up / square)[rings]
+        straight = np.stack(self._straight())
+        offsets = np.arctan2(self.lines[:, 4], self.lines[:, 3])
+        ranges, around, turns = np.empty((3, len(rings)))
+        fill_places(xyz, rings, self.lines, straight, offsets, _NEAR_M, ranges, around)
         whole = np.rint(ranges)
         if self.is_exact and _too_many_off(ranges - whole):
             return None
-        offsets = np.arctan2(self.lines[:, 4], self.lines[:, 3])
-        around -= offsets[rings]
-        if side.any():
-            around -= np.arcsin(np.clip(side[rings] / np.maximum(level, _NEAR_M), -1, 1))
         rays = self if _is_whole(self.step) else _in_phase(self, around)
-        turns = np.mod(around - rays.phase, 2 * np.pi) / rays.step
+        fill_turns(around, rays.phase, rays.step, turns)
         azimuths = np.rint(turns)
         if self.is_stepped and _too_many_off(turns - azimuths):
             return None
@@ -201,8 +194,8 @@ def _is_whole(step: float) -> bool:
 
 
 def _in_phase(rays: Rays, around: Floats) -> Rays:
-    first = float(around[0])
-    turns = np.mod(around - first, 2 * np.pi) * (2 * np.pi / rays.step)
+    first, some = float(around[0]), around[:: len(around) // _MOST_OF_PHASE + 1]
+    turns = np.mod(some - first, 2 * np.pi) * (2 * np.pi / rays.step)
     off = float(np.arctan2(np.sin(turns).sum(), np.cos(turns).sum())) / (2 * np.pi) * rays.step
     return replace(rays, phase=first + off)
 
@@ -243,7 +236,7 @@ def fitted_rays(xyz: Floats, rings: Rows) -> Located | None:
         return None
     count = int(rings.max()) + 1
     level, around = np.hypot(xyz[:, 0], xyz[:, 1]), np.arctan2(xyz[:, 1], xyz[:, 0])
-    order = np.argsort(rings, kind="stable")
+    order = np.argsort(rings.astype(np.uint16), kind="stable")
     starts = np.searchsorted(rings[order], np.arange(count + 1))
     groups = [order[first:end] for first, end in pairwise(starts)]
     step, phase, is_stepped, offsets, sides = _fitted_steps(around, level, groups)
@@ -327,7 +320,7 @@ def _fitted_offsets(
         rest = _remainder(turns - offset)
         if step > 2 * np.pi / _FEW_STEPS and np.count_nonzero(np.abs(rest) > 1e-3) > len(rows) // 2:
             for _ in range(4):
-                more, sideways = _line(1 / far, rest)
+                more, sideways = fitted_line(1 / far, rest)
                 offset, side = offset + more, side + sideways * step
                 rest = _remainder(turns - offset - np.arcsin(np.clip(side / far, -1, 1)) / step)
         offsets[ring], sides[ring] = offset * step, side
@@ -341,23 +334,6 @@ def _remainder(values: Floats) -> Floats:
     return np.asarray(values - np.rint(values))
 
 
-def _line(x: Floats, y: Floats) -> tuple[float, float]:
-    """Return start and slope of a line through values y (n,) at x (n,), without outliers."""
-    good = np.ones(len(x), bool)
-    start, slope = float(np.median(y)), 0.0
-    for _ in range(3):
-        if np.count_nonzero(good) < 3:
-            break
-        mean, centre = x[good].mean(), y[good].mean()
-        apart = x[good] - mean
-        square = float((apart * apart).sum())
-        slope = float((apart * (y[good] - centre)).sum()) / square if square > 0 else 0.0
-        start = float(centre - slope * mean)
-        errors = np.abs(y - start - slope * x)
-        good = errors <= max(4 * float(np.median(errors)), 1e-9)
-    return start, slope
-
-
 def _cone(level: Floats, z: Floats) -> tuple[float, float]:
     """Fit ``z = level * tangent + height``, each point weighted by 1 / level."""
     near = level > _NEAR_M
@@ -366,7 +342,7 @@ def _cone(level: Floats, z: Floats) -> tuple[float, float]:
     level, z = level[near], z[near]
     if len(level) < _FEWEST or np.ptp(level) < 0.05 * level.max():
         return float(np.median(z / level)), 0.0
-    tangent, height = _line(1 / level, z / level)
+    tangent, height = fitted_line(1 / level, z / level)
     return tangent, height
 
 
@@ -381,7 +357,9 @@ def _fitted_unit(along: Floats, groups: list[Group]) -> tuple[float, bool, Float
                 phase = np.arctan2(np.sin(angles).sum(), np.cos(angles).sum()) / (2 * np.pi)
                 starts[ring] = phase * unit
                 off += int(np.count_nonzero(np.abs(_remainder(turns - phase)) > _OFF))
-        if off <= _MOST_OFF * len(along):
+            if off > _MOST_OFF * len(along):
+                break
+        else:
             return unit, True, starts
     return _UNITS_M[-1], False, np.zeros(len(groups))
 
@@ -392,5 +370,5 @@ def _refine_lines(
     """Fit lines to points of known ranges, where a ring has enough of them."""
     for ring, rows in enumerate(groups):
         if len(rows) >= _FEWEST and np.ptp(ranges[rows]) > 0:
-            lines[ring, 0], lines[ring, 3] = _line(ranges[rows], level[rows])
-            lines[ring, 2], lines[ring, 5] = _line(ranges[rows], z[rows])
+            lines[ring, 0], lines[ring, 3] = fitted_line(ranges[rows], level[rows])
+            lines[ring, 2], lines[ring, 5] = fitted_line(ranges[rows], z[rows])
