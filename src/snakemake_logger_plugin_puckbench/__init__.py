@@ -68,6 +68,7 @@ class LogHandler(LogHandlerBase):
         self._began = self._last_shown = time.monotonic()
         self._bar: Progress | None = None
         self._ended = threading.Event()
+        self._watch: threading.Thread | None = None
         BARS.append(self)
 
     def expect(
@@ -114,6 +115,9 @@ class LogHandler(LogHandlerBase):
     def close(self) -> None:
         """Remove the progress bar, and end the thread that looks for overdue jobs."""
         self._ended.set()
+        if self._watch:
+            self._watch.join(timeout=1.0)  # it may wait for a terminal
+        self._watch = None
         self.acquire()
         if self._bar:
             self._bar.stop()
@@ -136,7 +140,9 @@ class LogHandler(LogHandlerBase):
             self._bar = _new_bar()
             self._bar.add_task("", total=self._work, left=left)
             self._bar.start()
-        threading.Thread(target=self._watch_jobs, daemon=True).start()
+        if not self._watch:
+            self._watch = threading.Thread(target=self._watch_jobs, daemon=True)
+            self._watch.start()
 
     def _watch_jobs(self) -> None:
         while not self._ended.wait(_SECONDS_BETWEEN_LINES):

@@ -271,3 +271,20 @@ def test_a_damaged_layout_is_refused() -> None:
     for size in range(len(packed)):
         with pytest.raises(InputError):
             CloudLayout.unpacked(packed[:size])
+
+
+@pytest.mark.parametrize(
+    ("apart_m", "height_m"), [(0.008, 0.0), (1.0, 0.0), (0.5, 1e6), (0.5, -3e9)]
+)
+def test_rings_that_follow_from_ranges_and_lines_far_away(apart_m: float, height_m: float) -> None:
+    """Neither can be a part of a stream: rings come before ranges, and rays are near."""
+    azimuths = np.linspace(0, 2 * np.pi, 180, endpoint=False)[:, None]
+    elevations, rings = np.radians(np.linspace(-15, 15, 16)), np.arange(16)
+    ranges = 4 + apart_m * rings
+    points = np.zeros((180, 16), POINT)
+    points["x"] = ranges * np.cos(elevations) * np.cos(azimuths)
+    points["y"] = ranges * np.cos(elevations) * np.sin(azimuths)
+    points["z"] = ranges * np.sin(elevations) + height_m
+    points["ring"] = rings
+    (body,) = through(POINT, [points])
+    assert len(body) < points.nbytes / 10

@@ -14,10 +14,12 @@ _PROCESSORS: tuple[dict[str, str], ...] = (
         "GLIBC_TUNABLES": "glibc.cpu.hwcaps=-AVX2,-FMA,-FMA4",
         "ATEN_CPU_CAPABILITY": "default",
         "ONEDNN_MAX_CPU_ISA": "SSE41",
+        "MKL_CBWR": "COMPATIBLE",
     },
     {"OPENBLAS_CORETYPE": "Haswell"},
 )
-"""Environments that choose the instructions: this machine's, an old processor's, a newer one's."""
+"""Environments that choose the instructions: this machine's, an old processor's, and those of
+another processor for NumPy's linear algebra alone."""
 
 
 def printed_on_processors(script: str) -> set[str]:

@@ -56,11 +56,7 @@ def one_of(names):
 
 def priority_of(wildcards):
     """Prefer the jobs that the rule `first_look` waits for, then those that make clouds."""
-    places = {
-        "scene_set": flow.outputs.first_scene_sets,
-        "dataset": flow.outputs.first_datasets,
-        "codec": {flow.outputs.first_codec},
-    }
+    places = flow.outputs.first_places
     if all(wildcards[key] in places[key] for key in wildcards.keys() & places.keys()):
         return 2
     return int("codec" not in wildcards.keys())

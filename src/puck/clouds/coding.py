@@ -187,8 +187,10 @@ class PointCoder:
         columns = []
         for k, (column, numbers) in enumerate(zip(self._layout.columns, values, strict=True)):
             one = None
-            if aim is not None and self._axes is not None and there is not None:
-                is_axis = k in self._axes.xyz
+            axes = self._axes
+            # Rings come before ranges.
+            if aim is not None and axes is not None and there is not None and k != axes.ring:
+                is_axis = k in axes.xyz
                 one = ColumnPlan(Way.RAY) if is_axis else plan_ranges(numbers, there, aim.ranges)
             columns.append(one or plan_column(column, numbers, width))
         return replace(plan, columns=tuple(columns)), aim
@@ -230,7 +232,7 @@ class PointCoder:
         located = None if old is None else old.located(points, rings)
         has_old_rays = located is not None and self._state.rays is not None
         located = located or fitted_rays(points, rings)
-        if located is None:
+        if located is None or not located.rays.is_storable:
             return _Plan(()), None
         azimuths = np.zeros(len(xyz[0]), np.int64)
         azimuths[there] = located.azimuths
@@ -253,7 +255,8 @@ class PointCoder:
         if not flags & _HAS_RAYS:
             check(not on_rays and Way.RANGE not in ways and not reader.rest())
             return _Plan(columns)
-        check(self._axes is not None and on_rays == sorted(self._axes.xyz))
+        axes = self._axes
+        check(axes is not None and on_rays == sorted(axes.xyz) and ways[axes.ring] != Way.RANGE)
         missing = reader.number(), reader.number(), reader.number()
         has_old_rays, old = bool(flags & _HAS_OLD_RAYS), self._state.rays
         check(old is not None or not has_old_rays)

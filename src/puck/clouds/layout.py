@@ -128,7 +128,7 @@ class CloudLayout:
     def all_values(self, points: Bytes) -> list[Ints]:
         """Return all columns of points (n, point_step), each as `values` does, in 64 bits.
 
-        Constant columns, which are read-only, take neither time nor memory.
+        Constant columns are read-only and take no memory.
         """
         changes, result = np.zeros(self.point_step, np.uint8), []
         _mark_changes(points, changes)
@@ -158,7 +158,7 @@ class CloudLayout:
 
 @compiled_in_place
 def _mark_changes(points: Bytes, changes: Bytes) -> None:
-    """Set to other numbers than 0 the bytes of a point (point_step,) that differ between points."""
+    """Make `changes` (point_step,) nonzero for each byte of a point that differs between points."""
     for i in range(len(points)):
         for k in range(len(changes)):
             changes[k] |= points[i, k] ^ points[0, k]

@@ -50,6 +50,8 @@ _NEAR_M = 1e-3
 _MOST_OF_PHASE = 10_000
 """Largest number of azimuths from which the azimuth of step 0 is estimated."""
 _LINE = 6
+_LARGEST = 1e6
+"""Bound of the numbers of rays in a stream."""
 
 
 class Located(NamedTuple):
@@ -99,10 +101,15 @@ class Rays:
         flags, count, rings = reader.take(1)[0], reader.number(), reader.number()
         check(1 <= count <= _MOST_STEPS and 1 <= rings <= _MOST_RINGS)
         numbers = np.frombuffer(reader.take(8 * (2 + _LINE * rings)), "<f8").astype(np.float64)
-        check(bool((np.abs(numbers) < 1e6).all()))  # a nan is not
+        check(_are_small(numbers))
         lines = numbers[2:].reshape(rings, _LINE)
         step, phase = float(numbers[0]), float(numbers[1])
         return cls(lines, count, step, phase, bool(flags & 1), bool(flags & 2))
+
+    @property
+    def is_storable(self) -> bool:
+        """Whether `unpacked` accepts what `packed` writes: not with lines that are far away."""
+        return _are_small(self.lines) and _are_small(self.phase)
 
     def packed_phase(self) -> bytes:
         """Return the bytes that `with_phase` reads."""
@@ -114,7 +121,7 @@ class Rays:
         Raises InputError if the bytes are damaged.
         """
         phase = float(np.frombuffer(reader.take(8), "<f8")[0])
-        check(abs(phase) < 1e6)
+        check(_are_small(phase))
         return replace(self, phase=phase)
 
     def predicted(self, rings: Rows, azimuths: Ints, ranges: Floats) -> tuple[Floats, ...]:
@@ -186,6 +193,10 @@ class Rays:
             return None
         azimuths = np.where(azimuths >= self.count, 0, azimuths)
         return Located(rays, whole.clip(0, _MOST_RANGE).astype(np.int64), azimuths.astype(np.int64))
+
+
+def _are_small(numbers: Floats | float) -> bool:
+    return bool((np.abs(numbers) < _LARGEST).all())  # a nan is not
 
 
 def _is_whole(step: float) -> bool:

@@ -26,6 +26,7 @@ from puckbench.codecs.rates import find_rate
 from puckbench.codecs.registry import codec_class, is_codec
 from puckbench.geometry.attributes import REFLECTANCE, attributes_of, reflectance_field
 from puckbench.geometry.matching import Match, farthest, match_points
+from puckbench.geometry.scaling import most_rounded_m
 from puckbench.recordings.cloud_export import export_cloud, with_fields_of_returns
 from puckbench.recordings.export import OF_POINTS
 from puckbench.results.curves import Coded, read_coded
@@ -134,7 +135,8 @@ def _match(decoded: Floats, prepared: Model | None, original: Model, reach: floa
     fault = f"not coded from {original.path}"
     if prepared:
         if reach is None:
-            reach = farthest(prepared.cloud.to_metres(prepared.cloud.xyz), decoded)
+            cloud = prepared.cloud
+            reach = farthest(cloud.to_metres(cloud.xyz), decoded) + most_rounded_m(cloud.about)
     else:
         fault += ", unless from a prepared cloud (--like it too)"
         check_place(decoded, original.cloud.xyz, fault)

@@ -18,7 +18,7 @@ _GRID_TOLERANCE = 1e-3
 """Largest distance from the grid, in voxels; it is far above the rounding errors of conversions."""
 
 _STEPS_PER_UNIT = 2.0**16
-"""Steps of scaled coordinates, which are much larger than differences between processors."""
+"""A step is much larger than the differences of scaled coordinates between processors."""
 
 
 class Scaling(NamedTuple):
@@ -44,9 +44,18 @@ def without_last_digits(scaled: Floats) -> Floats:
     """Round scaled coordinates, (n, 3), to multiples of 2^-16.
 
     The sines and cosines of a scan differ in their last digits between processors and between C
-    libraries. Without these digits, the cloud of a scan is the same everywhere.
+    libraries. Without these digits, the cloud of a scan is the same on almost every machine: a
+    coordinate can only differ if it is very near the midpoint between two multiples.
     """
     return np.asarray(np.rint(scaled * _STEPS_PER_UNIT) / _STEPS_PER_UNIT)
+
+
+def most_rounded_m(about: Mapping[str, Any]) -> float:
+    """Return how far, in m, `without_last_digits` can have moved a point of a prepared cloud.
+
+    The argument `about` is the cloud's description.
+    """
+    return 3**0.5 / 2 / _STEPS_PER_UNIT / about["scale"] if about.get("size") else 0.0
 
 
 def origin_shift(points: Floats) -> Floats:

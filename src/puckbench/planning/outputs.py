@@ -293,35 +293,36 @@ class Outputs:
 
     # ---- a first look
 
-    @property
-    def first_codec(self) -> str:
-        """Name of the codec that runs first, so that a first look can show its results early."""
-        codecs = (codec for codec in self.plan.codecs if self.plan.rows("metrics", codec))
-        return next(codecs, "")
-
     @cached_property
     def first_figures(self) -> list[str]:
         """Names of the figures of the first look."""
-        if self.plan.has_failed("first_look"):
+        if self.plan.has_failed("first_look") or not self._first_curves:
             return []
         return [name for name in self.figures if figure_entry(name).is_first_look]
 
     @cached_property
-    def first_datasets(self) -> set[str]:
-        """Names of the data sets of the first look: scaled ones if any, since turns take longer."""
-        coded = {dataset for dataset, _, codec in self.plan.curves if codec == self.first_codec}
-        return coded.intersection(self.plan.in_frame("scaled")) or coded
-
-    @cached_property
-    def first_scene_sets(self) -> set[str]:
-        """Names of the scene sets of the first look."""
-        return {self.plan.datasets[name].scene_set for name in self.first_datasets}
+    def _first_curves(self) -> list[tuple[str, str, str]]:
+        """The curves, in `Plan.curves`, of the first codec that codes scaled clouds."""
+        scaled = self.plan.in_frame("scaled")
+        curves = [curve for curve in self.plan.curves if curve[0] in scaled]
+        coders = {codec for _, _, codec in curves}
+        first = [codec for codec in self.plan.codecs if codec in coders][:1]
+        return [curve for curve in curves if curve[2] in first]
 
     @property
     def first_rows(self) -> tuple[str, ...]:
         """Files with the rows of results of the first look, relative to the results folder."""
-        rows = self.plan.rows("metrics", self.first_codec)
-        return tuple(name for name in rows if name.split("/")[1] in self.first_datasets)
+        return tuple(f"metrics/{'/'.join(curve)}.parquet" for curve in self._first_curves)
+
+    @cached_property
+    def first_places(self) -> dict[str, set[str]]:
+        """Scene sets, data sets and codecs of the first look, by the name of the wildcard."""
+        datasets = {dataset for dataset, _, _ in self._first_curves}
+        return {
+            "scene_set": {self.plan.datasets[name].scene_set for name in datasets},
+            "dataset": datasets,
+            "codec": {codec for _, _, codec in self._first_curves},
+        }
 
     # ---- report
 

@@ -73,6 +73,19 @@ def test_a_prepared_cloud_has_the_place_and_the_original_the_attributes(site: Pa
         assert np.abs(las.xyz - UTM[rows]).max() < (2e-3 if rate == "1mm" else 0.05)
 
 
+def test_points_that_preparing_has_rounded_keep_their_attributes(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    xyz = np.random.default_rng(0).random((20_000, 3)) * 100
+    fields = {"intensity": np.full(len(xyz), 7, np.float32)}
+    write_cloud(Path("wide.ply"), PointCloud(xyz, fields=fields))
+    _done("prepare", "wide.ply", "ready.ply")
+    stream = _coded(Path("ready.ply"), "draco", "r8")
+    row = _done("decode", stream, "back.ply", "--like", "ready.ply", "--like", "wide.ply")
+    assert row["attributes_lost"] == row["attributes_unknown"] == 0
+
+
 def test_attributes_of_merged_points_are_lost_and_counted(
     site: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -27,7 +27,7 @@ def test_other_codecs_rates_do_not_change_its_job() -> None:
     assert first_look(draco={}, gpcc={"rates": ["r1", "r3"]}).key == item.key
 
 
-def test_turns_are_left_to_a_later_look() -> None:
+def test_it_shows_scaled_clouds_alone() -> None:
     spin = {"scene_set": "s", "make": "scan", "size": "metric", "sweep": {"preset": "spin"}}
     config = {
         "scene_sets": {
@@ -35,11 +35,12 @@ def test_turns_are_left_to_a_later_look() -> None:
             "s": {"loader": "street", "options": {"streets": 1}},
         },
         "datasets": {"d": {"scene_set": "a", "make": "sample"}, "turns": spin},
-        "codecs": {"draco": {}},
+        "codecs": {"puck": {}, "draco": {}, "gpcc": {}},  # puck codes turns alone
     }
     outputs = Workflow(config).outputs
-    assert outputs.first_datasets == {"d"}
-    assert outputs.first_scene_sets == {"a"}
+    assert outputs.first_places == {"scene_set": {"a"}, "dataset": {"d"}, "codec": {"draco"}}
     assert outputs.first_rows == ("metrics/d/airplane_01/draco.parquet",)
+    assert outputs.first_figures
     of_turns = Workflow({**config, "datasets": {"turns": spin}}).outputs
-    assert of_turns.first_datasets == {"turns"}
+    assert not of_turns.first_figures
+    assert not of_turns.first_rows
