@@ -40,8 +40,8 @@ def test_a_floor_measured_too_far_is_as_deep_below_it_as_the_angles_say(
     squared = float(np.mean((scale * depth) ** 2))
     assert row["truth_acd_ba_plane"] == pytest.approx(squared, rel=1e-6)
     assert row["truth_acd_ba_point"] == pytest.approx(squared, rel=1e-6)
-    assert row["clean_acd_ba_plane"] == pytest.approx(squared, rel=1e-6)
-    assert row["truth_hausdorff_plane_m"] == pytest.approx(float(depth.max()), rel=1e-6)
+    assert row["clean_acd_ba_plane"] == pytest.approx(squared, rel=1e-4)  # of a rounded truth
+    assert row["truth_hausdorff_plane_m"] == pytest.approx(float(depth.max()), rel=1e-4)
     # Along the ray it is TOO_FAR_M to the clean point of the same ray, which is rarely the nearest.
     assert squared < row["clean_acd_ba_point"] <= (scale * TOO_FAR_M) ** 2
     assert row["cd_plane"] == 0

