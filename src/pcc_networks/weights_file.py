@@ -323,10 +323,11 @@ D = TypeVar("D", bound=np.floating[Any])
 
 @contextmanager
 def telling(fault: str) -> Iterator[None]:
-    """Turn errors of the enclosed code, which uses parameters of a checkpoint, into one InputError.
+    """Raise InputError if code that reads a checkpoint finds parameters missing or unsuitable.
 
-    The message is `fault`, with the reason in brackets. What is caught are the errors that Python
-    and PyTorch raise, and the ValueError of `checkpoint_arrays`.
+    This is a context manager around that code. The message is `fault`, with the reason in brackets.
+    The errors that are replaced are those of Python and PyTorch for missing or unsuitable
+    parameters, and the ValueError of `checkpoint_arrays`.
     """
     try:
         yield

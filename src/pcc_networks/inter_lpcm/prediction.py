@@ -25,8 +25,8 @@ from pointkit.geometry.cloud import Floats
 RADIUS, ELEVATION = 0, 1
 """Kinds of symbols that are coded during the prediction."""
 SYMBOLS_PER_UNIT = (66, 15)
-"""Symbols per metre of radius, and per degree of elevation. A symbol is the difference between a
-value and its prediction, times this number and rounded."""
+"""Factors of the quantisation of radii (in 1/m) and of elevations (in 1/degree). A symbol is the
+difference between a value and its prediction, multiplied by the factor and rounded."""
 NETWORK_LINES = 8
 """Lines, from the first on, whose radii a network predicts if there is a preceding turn."""
 _STEPS_BEFORE = 2

@@ -55,9 +55,10 @@ class Heads(NamedTuple):
 
     @property
     def starts(self) -> NDArray[np.int64]:
-        """Index of the first point of each line; the last element is the number of all points.
+        """Where each line of the turn starts among all points, (lines + 1,).
 
-        The shape is (lines + 1,), so that line k has the points from element k to element k + 1.
+        Line k consists of the points with indices from ``starts[k]`` to ``starts[k + 1] - 1``; the
+        last element is therefore the number of all points.
         """
         return np.concatenate([[0], np.cumsum(self.lengths)])
 

@@ -20,8 +20,8 @@ if TYPE_CHECKING:
 HISTORY = 49
 """Number of preceding values from which the networks predict the next one."""
 HIDDEN, BLOCKS = 256, 3
-"""Sizes of the networks that predict the distributions of symbols: features of a hidden layer, and
-residual blocks."""
+"""Number of features of a hidden layer, and number of residual blocks, both of the networks that
+predict how likely each symbol is."""
 FILES = {
     "radius": "r_model/37.pt",
     "elevation": "theta_model/epoch_28.pt",

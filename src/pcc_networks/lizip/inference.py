@@ -20,8 +20,8 @@ from pointkit.coding.intrinsics import add_products
 from pointkit.compiling import compiled
 
 _BLOCK_ROWS = 32
-"""Number of points that a layer computes together, so that their partial sums fit the processor's
-first-level cache."""
+"""Number of points for which a layer is computed at a time: so few that their partial sums fit into
+the processor's first-level cache."""
 _CHUNK_ROWS = 256
 """Number of rows that a thread computes at a time."""
 _ZERO = np.float32(0)

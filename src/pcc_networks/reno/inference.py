@@ -23,7 +23,7 @@ from pointkit.coding.intrinsics import add_products
 from pointkit.compiling import compiled
 
 _BLOCK_ROWS = 128
-"""Number of voxels that a layer computes together, so that their sums fit the
+"""Number of voxels for which a layer is computed at a time: so few that their sums fit into the
 processor's first-level cache."""
 _ZERO = np.float32(0)
 _SPREAD = float(2**CDF_BITS - VALUES)

@@ -172,22 +172,19 @@ class PointCoder:
             for one in plan.columns
         ]
         self._code(plan, values, width, PartReader(reader), None)
-        points = np.empty((count, layout.point_step), np.uint8)
-        layout.put_all(points, values)
-        return points
+        return layout.points_with(values)
 
     def _plan(self, values: list[Ints], width: int) -> tuple[_Plan, _Aim | None]:
-        aim, there, plan = None, None, _Plan(())
-        if self._axes is not None and len(values[0]) >= _FEWEST_POINTS:
-            xyz = [values[k] for k in self._axes.xyz]
+        axes, aim, there, plan = self._axes, None, None, _Plan(())
+        if axes is not None and len(values[0]) >= _FEWEST_POINTS:
+            xyz = [values[k] for k in axes.xyz]
             missing, is_missing = _missing(*xyz)
             there = np.flatnonzero(~is_missing)
             plan = replace(plan, has_missing=bool(is_missing.any()), missing=missing)
-            plan, aim = self._with_rays(plan, xyz, values[self._axes.ring], there)
+            plan, aim = self._with_rays(plan, xyz, values[axes.ring], there)
         columns = []
         for k, (column, numbers) in enumerate(zip(self._layout.columns, values, strict=True)):
             one = None
-            axes = self._axes
             # Rings come before ranges.
             if aim is not None and axes is not None and there is not None and k != axes.ring:
                 is_axis = k in axes.xyz

@@ -145,8 +145,9 @@ class CloudLayout:
         part = raw.reshape(-1, 1).view(np.uint8)
         points[:, column.offset : column.offset + column.size] = part
 
-    def put_all(self, points: Bytes, values: list[Ints]) -> None:
-        """Write all columns, which `all_values` returned, to points (n, point_step)."""
+    def points_with(self, values: list[Ints]) -> Bytes:
+        """Return the bytes of points, (n, point_step), of which `all_values` returned `values`."""
+        points = np.empty((len(values[0]), self.point_step), np.uint8)
         pairs = list(zip(self.columns, values, strict=True))
         for column, numbers in pairs:
             self.put(points[:1], column, numbers[:1].astype(f"u{column.size}"))
@@ -154,6 +155,7 @@ class CloudLayout:
         for column, numbers in pairs:
             if any(numbers.strides):
                 self.put(points, column, numbers.astype(f"u{column.size}"))
+        return points
 
 
 @compiled_in_place

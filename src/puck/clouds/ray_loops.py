@@ -1,8 +1,9 @@
-"""Compiled loops over points on the rays of a spinning sensor.
+"""Compiled functions that compute with points on the rays of a spinning sensor, one by one.
 
-Functions `fill_...` write to their last arguments. Points (n, 3) and coordinates (3, n) are in
-metres, ranges in units. `lines` are those of `puck.clouds.rays.Rays`; `cosines` and `sines` are
-those of all azimuth steps.
+Functions `fill_...` write their results to their last arguments. Points (n, 3) and coordinates
+(3, n) are in metres. Ranges are in units, whose length is part of the `lines` of
+`puck.clouds.rays.Rays`. `rings` and `azimuths` (n,) are the number of the laser that measured each
+point, and the number of the azimuth step; `cosines` and `sines` are those of each azimuth step.
 """
 
 from __future__ import annotations
@@ -26,7 +27,7 @@ def fill_coordinates(
     lines: Floats, cosines: Floats, sines: Floats, rings: Rows, azimuths: Ints, ranges: Floats,
     coordinates: Floats,
 ) -> None:  # fmt: skip
-    """Compute x, y and z (3, n) of the points at ranges (n,) on the rays."""
+    """Compute x, y and z of points on the rays, where `ranges` (n,) are the points' ranges."""
     for i in range(len(rings)):
         line, far = lines[rings[i]], ranges[i]
         cosine, sine = cosines[azimuths[i]], sines[azimuths[i]]
@@ -41,7 +42,19 @@ def fill_refined_ranges(
     lines: Floats, cosines: Floats, sines: Floats, rings: Rows, azimuths: Ints,
     values: NDArray[np.float32], is_x: NDArray[np.bool_], ranges: Floats,
 ) -> None:  # fmt: skip
-    """Compute ranges (n,) from a coordinate of each point: x where `is_x`, else y."""
+    """Compute the range of each point, in units, from one of its coordinates.
+
+    Parameters
+    ----------
+    lines, cosines, sines, rings, azimuths
+        The rays on which the points are, as described above.
+    values
+        The known coordinate of each point, (n,), m.
+    is_x
+        Whether the known coordinate is x, (n,); otherwise, it is y.
+    ranges
+        Receives the ranges, (n,), which are not rounded.
+    """
     for i in range(len(rings)):
         line = lines[rings[i]]
         cosine, sine = cosines[azimuths[i]], sines[azimuths[i]]
@@ -90,14 +103,38 @@ def fill_places(
 
 @compiled_in_place
 def fill_turns(around: Floats, phase: float, step: float, turns: Floats) -> None:
-    """Compute how many steps (n,) azimuths (n,) are beyond `phase`; all angles are in radians."""
+    """Convert azimuths from radians to azimuth steps.
+
+    Parameters
+    ----------
+    around
+        Azimuths, (n,), in radians; they need not lie within one revolution.
+    phase, step
+        Azimuth of step 0, and angle of a step, in radians.
+    turns
+        Receives the azimuths as numbers of steps, (n,), from 0 to a whole revolution; they are not
+        rounded.
+    """
     for i in range(len(around)):
         turns[i] = ((around[i] - phase) % _FULL_TURN) / step
 
 
 @compiled
 def fitted_line(x: Floats, y: Floats) -> tuple[float, float]:
-    """Return start and slope of a line through values y (n,) at x (n,), without outliers."""
+    """Fit the line ``y = start + slope * x`` by least squares, twice again without outliers.
+
+    Parameters
+    ----------
+    x, y
+        Coordinates of the points to which the line is fitted, (n,) each, in any units.
+
+    Returns
+    -------
+    tuple of float
+        Start (the value at x = 0, in the unit of y) and slope. A point is an outlier if its error
+        is more than four times the median error. For fewer than three points, the line is
+        horizontal, at the median of y.
+    """
     errors, most = np.zeros(len(x)), np.inf
     start, slope = float(np.median(y)), 0.0
     for _ in range(3):

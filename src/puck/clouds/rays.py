@@ -51,7 +51,8 @@ _MOST_OF_PHASE = 10_000
 """Largest number of azimuths from which the azimuth of step 0 is estimated."""
 _LINE = 6
 _LARGEST = 1e6
-"""Bound of the numbers of rays in a stream."""
+"""Largest absolute value of a number of `Rays` in a stream: coordinates and their increments in m,
+and angles in radians."""
 
 
 class Located(NamedTuple):
@@ -108,7 +109,7 @@ class Rays:
 
     @property
     def is_storable(self) -> bool:
-        """Whether `unpacked` accepts what `packed` writes: not with lines that are far away."""
+        """Whether a decoder accepts these rays: no line starts 1,000 km or more from the origin."""
         return _are_small(self.lines) and _are_small(self.phase)
 
     def packed_phase(self) -> bytes:
@@ -134,7 +135,11 @@ class Rays:
     def refined(
         self, rings: Rows, azimuths: Ints, values: Singles, is_x: NDArray[np.bool_]
     ) -> Floats:
-        """Return ranges (n,) in units from a coordinate of each point: x where `is_x`, else y."""
+        """Return the range of each point (n,), in units and not rounded, from one coordinate.
+
+        `values` (n,) are the points' x coordinates where `is_x` (n,) is true, otherwise their y
+        coordinates, in m. `rings` (n,) are the points' lasers, and `azimuths` (n,) their steps.
+        """
         ranges = np.empty(len(rings))
         circle = _circle(self.count, self.step, self.phase)
         fill_refined_ranges(self.lines, *circle, rings, azimuths, values, is_x, ranges)

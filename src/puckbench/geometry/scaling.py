@@ -51,9 +51,11 @@ def without_last_digits(scaled: Floats) -> Floats:
 
 
 def most_rounded_m(about: Mapping[str, Any]) -> float:
-    """Return how far, in m, `without_last_digits` can have moved a point of a prepared cloud.
+    """Return the largest distance, m, by which rounding can have moved a point of a prepared cloud.
 
-    The argument `about` is the cloud's description.
+    The rounding is that of `without_last_digits`. `about` is the description of the prepared cloud,
+    with its scale in grid units per m. The distance is 0 for a cloud in metres, which is not
+    rounded.
     """
     return 3**0.5 / 2 / _STEPS_PER_UNIT / about["scale"] if about.get("size") else 0.0
 

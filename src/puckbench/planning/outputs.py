@@ -294,34 +294,35 @@ class Outputs:
     # ---- a first look
 
     @cached_property
+    def first_codec(self) -> str:
+        """Name of the first codec that codes scaled clouds; empty if there is none."""
+        codecs = (name for name in self.plan.codecs if self.plan.rows("metrics", name, "scaled"))
+        return next(codecs, "")
+
+    @cached_property
     def first_figures(self) -> list[str]:
         """Names of the figures of the first look."""
-        if self.plan.has_failed("first_look") or not self._first_curves:
+        if self.plan.has_failed("first_look") or not self.first_codec:
             return []
         return [name for name in self.figures if figure_entry(name).is_first_look]
 
-    @cached_property
-    def _first_curves(self) -> list[tuple[str, str, str]]:
-        """The curves, in `Plan.curves`, of the first codec that codes scaled clouds."""
-        scaled = self.plan.in_frame("scaled")
-        curves = [curve for curve in self.plan.curves if curve[0] in scaled]
-        coders = {codec for _, _, codec in curves}
-        first = [codec for codec in self.plan.codecs if codec in coders][:1]
-        return [curve for curve in curves if curve[2] in first]
-
     @property
     def first_rows(self) -> tuple[str, ...]:
-        """Files with the rows of results of the first look, relative to the results folder."""
-        return tuple(f"metrics/{'/'.join(curve)}.parquet" for curve in self._first_curves)
+        """Paths of the Parquet files that the first look draws, relative to the results folder.
+
+        Each has the measurements of one scaled cloud, coded by the first codec.
+        """
+        return self.plan.rows("metrics", self.first_codec, "scaled")
 
     @cached_property
     def first_places(self) -> dict[str, set[str]]:
         """Scene sets, data sets and codecs of the first look, by the name of the wildcard."""
-        datasets = {dataset for dataset, _, _ in self._first_curves}
+        coded = {dataset for dataset, _, codec in self.plan.curves if codec == self.first_codec}
+        datasets = coded.intersection(self.plan.in_frame("scaled"))
         return {
             "scene_set": {self.plan.datasets[name].scene_set for name in datasets},
             "dataset": datasets,
-            "codec": {codec for _, _, codec in self._first_curves},
+            "codec": {self.first_codec},
         }
 
     # ---- report

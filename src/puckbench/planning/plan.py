@@ -544,7 +544,9 @@ class Plan:
             if self.codes(codec, dataset) and self.curve_rates(dataset, cloud, codec)
         )
 
-    def rows(self, kind: str, codec: str | None = None) -> tuple[str, ...]:
+    def rows(
+        self, kind: str, codec: str | None = None, frame: CoordinateFrame | None = None
+    ) -> tuple[str, ...]:
         """Return the files with rows of results, relative to the results folder.
 
         Parameters
@@ -553,10 +555,14 @@ class Plan:
             ``metrics`` for measurements of decoded clouds, ``recovery`` for decoded primitives.
         codec
             Name of the codec; by default, the files of all codecs are returned.
+        frame
+            Coordinate frame of the clouds; by default, those of both frames are returned.
         """
         curves = self.recovered if kind == "recovery" else self.curves
         return tuple(
-            f"{kind}/{'/'.join(curve)}.parquet" for curve in curves if codec in (None, curve[2])
+            f"{kind}/{'/'.join(curve)}.parquet"
+            for curve in curves
+            if codec in (None, curve[2]) and frame in (None, self.datasets[curve[0]].frame)
         )
 
     def artefacts(self) -> list[str]:

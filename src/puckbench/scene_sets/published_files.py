@@ -166,8 +166,8 @@ def credits_text(name: str, _: Path) -> str:
 
 
 def terms_of(name: str) -> str:
-    """Return the conditions under which the files of a table may be used, as text to show.
+    """Return the licence terms of the published files that a table lists, as plain text.
 
-    The text is empty if the table states none.
+    `name` is one of `TABLES`. The text is empty if the table states no terms.
     """
     return str(published(name).get("terms", ""))

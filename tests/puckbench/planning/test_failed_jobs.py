@@ -216,8 +216,7 @@ def test_an_anchor_without_results_is_replaced_by_the_first_codec() -> None:
     ]
     clouds += ["coded/noisy/office_1", "coded/noisy/copy_room_1"]
     bench = without(config, *(f"{cloud}/draco" for cloud in clouds))
-    assert bench.outputs.anchor == "primitives"
-    assert bench.outputs.first_places["codec"] == {"primitives"}
+    assert bench.outputs.anchor == bench.outputs.first_codec == "primitives"
 
 
 def test_without_any_result_there_is_still_a_report_of_what_failed() -> None:
